@@ -1,0 +1,1 @@
+"""The view in the browser: a sink like any other."""
