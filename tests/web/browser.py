@@ -1,0 +1,43 @@
+"""A headless Chromium that can draw: for the tests of the view and for the picture in the README."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+CHROMIUM = "/usr/bin/chromium"
+ARGS = [
+    "--no-sandbox",
+    "--use-gl=angle",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--no-first-run",
+]
+SIZE = {"width": 1400, "height": 900}
+
+
+@contextmanager
+def open_page(url: str) -> Iterator:
+    """A Playwright page on the view, once its panel is there."""
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=ARGS)
+        page = browser.new_page(viewport=SIZE)
+        page.goto(url)
+        page.get_by_text("Sensors").wait_for()
+        try:
+            yield page
+        finally:
+            browser.close()
+
+
+def screenshot(url: str, path: Path, dark: bool = False) -> None:
+    """Write a PNG of the view as a newcomer sees it."""
+    with open_page(url) as page:
+        if dark:
+            page.get_by_label("dark").click()
+        page.wait_for_timeout(4000)  # software rendering needs a few frames
+        page.screenshot(path=path)

@@ -1,0 +1,112 @@
+"""Trails: points that only get more, sent to the browser in pieces.
+
+The browser's line and point nodes cannot grow; a change sends the whole node. So a trail is cut: chunks of
+1,000 points are sent once, the points since then once per hundred, and only the last few every time. Beyond
+``MOST`` chunks the oldest two become one of half the density, so hours cost no more than the first hour.
+"""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+CHUNK = 1_000  # points of a finished piece
+TAIL = 100  # points of the piece that is sent on every update
+MOST = 64  # finished pieces before the oldest are thinned
+DOT_M = 0.05  # a dot is a very short line: it then has a width in pixels, not in metres
+CROSS_M = 12.0  # half-width of an outlier's cross
+
+Shape = Callable[[np.ndarray], np.ndarray]
+
+
+def line(points: np.ndarray) -> np.ndarray:
+    """(n, 3) → (≤ n−1, 2, 3) segments that join them; a NaN point breaks the line."""
+    segments = np.stack([points[:-1], points[1:]], axis=1)
+    return segments[np.isfinite(segments).all(axis=(1, 2))]
+
+
+def dots(points: np.ndarray) -> np.ndarray:
+    """(n, 3) → (n, 2, 3)."""
+    return np.stack([points, points + (0, 0, DOT_M)], axis=1)
+
+
+def crosses(points: np.ndarray) -> np.ndarray:
+    """(n, 3) → (4 n, 2, 3): the four diagonals of a cube, so a cross from every side."""
+    arms = CROSS_M / np.sqrt(3) * np.array([(1, 1, 1), (1, -1, 1), (-1, 1, 1), (-1, -1, 1)])
+    return np.stack([points[:, None] - arms, points[:, None] + arms], axis=2).reshape(-1, 2, 3)
+
+
+class Trail:
+    """A growing row of points in station ENU, metres.
+
+    ``draw(name, segments)`` shows the (m, 2, 3) float32 segments under that name, in place of what was there;
+    none at all take it away.
+    """
+
+    def __init__(self, name: str, shape: Shape, draw: Callable[[str, np.ndarray], None]):
+        self._name, self._shape, self._draw = name, shape, draw
+        self._joint = 1 if shape is line else 0  # a piece of a line ends on the next one's first point
+        self._made = 0
+        self._chunks: list[tuple[str, np.ndarray, int]] = []  # name, points, how often thinned
+        self._open: list[Sequence[float]] = []
+        self._settled = 0
+        self._dirty = False
+
+    def add(self, point: Sequence[float]) -> None:
+        self._open.append(point)
+        self._dirty = True
+
+    def cut(self) -> None:
+        """The next point does not belong to the last one."""
+        if self._open:
+            self.add((np.nan, np.nan, np.nan))
+
+    def update(self, pending: Sequence[Sequence[float]] = ()) -> None:
+        """Send what changed. ``pending`` are points that may still be taken back: they go with the tail."""
+        while len(self._open) >= CHUNK + self._joint:
+            self._finish()
+        settled = max(0, len(self._open) - self._joint) // TAIL * TAIL
+        if settled != self._settled:
+            self._show("open", self._open[: settled + self._joint] if settled else [])
+            self._settled = settled
+        if self._dirty or pending:
+            self._show("tail", [*self._open[settled:], *pending])
+        self._dirty = bool(pending)
+
+    def clear(self) -> None:
+        for name, _, _ in self._chunks:
+            self._show(name, [])
+        self._chunks, self._open, self._settled, self._dirty = [], [], 0, False
+        self._show("open", [])
+        self._show("tail", [])
+
+    def points(self) -> np.ndarray:
+        """(n, 3) all that is kept, NaN where the trail is cut."""
+        pieces = [points[: len(points) - self._joint] for _, points, _ in self._chunks]
+        return np.vstack([*pieces, np.reshape(self._open, (-1, 3))])
+
+    def _finish(self) -> None:
+        name, points = f"chunk{self._made}", np.array(self._open[: CHUNK + self._joint])
+        self._chunks.append((name, points, 0))
+        self._show(name, points)
+        self._made += 1
+        self._open = self._open[CHUNK:]
+        self._settled = -1
+        if len(self._chunks) > MOST:
+            self._thin()
+
+    def _thin(self) -> None:
+        levels = [level for _, _, level in self._chunks]
+        pairs = [i for i in range(len(levels) - 1) if levels[i] == levels[i + 1]]
+        i = min(pairs, key=lambda i: (levels[i], i))
+        (name, older, level), (gone, newer, _) = self._chunks[i : i + 2]
+        points = np.vstack([older[: len(older) - self._joint], newer])
+        keep = np.isnan(points[:, 0])
+        keep[::2] = True
+        keep[-1] |= bool(self._joint)
+        self._chunks[i : i + 2] = [(name, points[keep], level + 1)]
+        self._show(gone, [])
+        self._show(name, points[keep])
+
+    def _show(self, piece: str, points) -> None:
+        segments = self._shape(np.reshape(points, (-1, 3)))
+        self._draw(f"{self._name}/{piece}", segments.astype(np.float32))

@@ -1,0 +1,166 @@
+"""The view in the browser, itself a sink: messages in, a page on the loopback interface out.
+
+``View.put`` may be called from any thread and returns at once; one thread draws ten times a second.
+The page has no password: it binds to 127.0.0.1 only, put a proxy in front for anything wider.
+"""
+
+import threading
+import time
+from collections import deque
+
+import viser
+
+from gcs.messages import Event, Health, Scene, State
+from web import panel
+from web.controls import Playback, Player
+from web.scene import LAYERS, Picture
+
+QUEUE = 200_000  # messages; at more than a million a minute the oldest are skipped, counted and shown
+PERIOD_S = 0.1
+PANEL_PERIODS = 3  # the panel is read by people: three times a second is enough
+EVENTS = 6
+NAMES = {"sight": "lines of sight", "ellipsoid": "3σ ellipsoid", "raw": "raw points"}
+
+
+class ViewError(RuntimeError):
+    """The view cannot open; the message says what to do."""
+
+
+class View:
+    """A page with the picture and the panel. With ``playback`` it also steers a replay."""
+
+    def __init__(self, scene: Scene, *, port: int = 8080, playback: Playback | None = None):
+        self._server = viser.ViserServer(host="127.0.0.1", port=port, label="gcs", verbose=False)
+        if self._server.get_port() != port:  # viser quietly takes the next free one
+            self._server.stop()
+            raise ViewError(f"port {port} is in use: stop the program that holds it, or take another port")
+        self.url = f"http://127.0.0.1:{port}"
+        self._scene = scene
+        self._queue: deque = deque(maxlen=QUEUE)
+        self._skipped = 0
+        self._state: State | None = None
+        self._arrived_s = 0.0
+        self._health: Health | None = None
+        self._events: deque[Event] = deque(maxlen=EVENTS)
+        self._stop = threading.Event()
+        self._set_stage()
+        self._picture = Picture(self._server, scene)
+        self._build_panel(playback)
+        self._server.on_client_connect(self._picture.look)
+        self._thread = threading.Thread(target=self._run, name="view", daemon=True)
+        self._thread.start()
+
+    def put(self, message, source: str = "") -> None:
+        """Show a message. ``source`` is "smoothed" for a smoothed state; any thread may call."""
+        if len(self._queue) == QUEUE:
+            self._skipped += 1
+        self._queue.append((message, source))
+
+    def clear(self) -> None:
+        """Forget the trails, for example after a seek backwards; what follows starts new ones."""
+        self._queue.clear()
+        self._queue.append((None, "clear"))
+
+    def close(self) -> None:
+        self._stop.set()
+        self._thread.join()
+        self._server.stop()
+
+    def _set_stage(self) -> None:
+        self._server.scene.set_up_direction("+z")
+        camera = self._server.initial_camera
+        camera.near, camera.far, camera.fov = 1.0, 100_000.0, 0.9
+        camera.position, camera.look_at = (-700.0, -1600.0, 1000.0), (0.0, 0.0, 0.0)
+        self._server.gui.set_panel_label("Ground station")
+        self._theme(dark=False)
+
+    def _theme(self, dark: bool) -> None:
+        self._server.gui.configure_theme(
+            control_layout="fixed",
+            control_width="large",
+            dark_mode=dark,
+            show_logo=False,
+            show_share_button=False,
+        )
+
+    def _build_panel(self, playback: Playback | None) -> None:
+        gui = self._server.gui
+        self._status = gui.add_html("")
+        self._player = Player(gui, playback) if playback else None
+        with gui.add_folder("Sensors"):
+            self._sensors = gui.add_html("")
+        with gui.add_folder("Show"):
+            self._legend = gui.add_html("")
+            for name in LAYERS:
+                box = gui.add_checkbox(NAMES.get(name, name), True)
+                box.on_update(lambda event, name=name: self._show(name, event.target.value))
+        with gui.add_folder("Camera"):
+            gui.add_checkbox("follow aircraft", False).on_update(
+                lambda event: self._follow(event.target.value)
+            )
+            gui.add_button("Reset view").on_click(lambda event: self._picture.look(event.client))
+            gui.add_checkbox("dark", False).on_update(lambda event: self._theme(event.target.value))
+        with gui.add_folder("Events"):
+            self._log = gui.add_html("")
+
+    def _show(self, layer: str, visible: bool) -> None:
+        self._picture.layers[layer].visible = visible
+
+    def _follow(self, follow: bool) -> None:
+        self._picture.follow = follow
+        for client in self._server.get_clients().values():
+            self._picture.look(client)
+
+    def _run(self) -> None:
+        tick = 0
+        while not self._stop.wait(PERIOD_S):
+            for _ in range(len(self._queue)):
+                self._take(*self._queue.popleft())
+            self._picture.update()
+            if tick % PANEL_PERIODS == 0:
+                self._write_panel(tick)
+            tick += 1
+
+    def _take(self, message, source: str) -> None:
+        match message:
+            case None:
+                self._picture.clear()
+            case Health():
+                self._health = message
+            case Event():
+                self._events.append(message)
+            case _:
+                self._picture.take(message, source)
+        if isinstance(message, State) and source != "smoothed":
+            self._state, self._arrived_s = message, time.monotonic()
+
+    def _write_panel(self, tick: int) -> None:
+        if self._player:
+            self._player.update()
+        mode = self._player.mode() if self._player else "LIVE"
+        age_s = time.monotonic() - self._arrived_s
+        self._status.content = panel.status(self._scene, self._state, age_s, mode, tick)
+        self._sensors.content = panel.sensors(self._scene, self._health, self._state)
+        self._legend.content = panel.legend(self._scene, self._picture.sigma_factor)
+        self._log.content = panel.events(list(self._events), self._skipped)
+
+
+def run(bus, port: int = 8080, stop: threading.Event | None = None) -> None:
+    """The view alone, on the bus: waits for the station's ``Scene``, then shows all until ``stop``."""
+    stop = stop or threading.Event()
+    scenes, smoothed = bus.subscribe("scene"), bus.subscribe("smoothed")
+    rest = bus.subscribe("state", "verdict/*", "health", "event")
+    scene = None
+    while scene is None and not stop.is_set():
+        scene = next((message for _, message in scenes.drain(0.5)), None)
+    if scene is None:
+        return
+    view = View(scene, port=port)
+    try:
+        while not stop.is_set():
+            for _, message in rest.drain(0.05):
+                view.put(message)
+            for _, message in smoothed.drain(0.0):
+                view.put(message, "smoothed")
+    finally:
+        view.close()
