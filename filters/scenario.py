@@ -2,7 +2,7 @@
 
 A flight is a sequence of legs (speed, bank, height) turned into a velocity command, which the aircraft
 follows as a critically damped second-order system. The jerk is constant between two samples, so the
-trajectory is known exactly at any instant between them: ``at``.
+trajectory is a cubic there and known exactly at any instant: ``at``.
 """
 
 from typing import NamedTuple
@@ -16,9 +16,9 @@ ROLL_RATE_RADPS = 0.8
 
 
 class Truth(NamedTuple):
-    """A trajectory in station ENU, samples equally spaced in time."""
+    """A trajectory in station ENU."""
 
-    t_s: np.ndarray  # (n,) from 0
+    t_s: np.ndarray  # (n,) ascending
     p: np.ndarray  # (n, 3) position, m
     v: np.ndarray  # (n, 3) velocity, m/s
     a: np.ndarray  # (n, 3) acceleration, m/s²
@@ -62,13 +62,24 @@ def flight(
     return Truth(np.arange(n) * dt_s, p, v, a)
 
 
+def track(t_s: np.ndarray, p: np.ndarray) -> Truth:
+    """A measured trajectory, (n,) and (n, 3), as ``Truth``: derivatives by central differences."""
+    v = np.gradient(p, t_s, axis=0)
+    return Truth(t_s, p, v, np.gradient(v, t_s, axis=0))
+
+
 def at(truth: Truth, t_s: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Exact position, velocity, acceleration, each (m, 3), at ``t_s`` (m,) within the flight."""
+    """Position, velocity, acceleration, each (m, 3), at ``t_s`` (m,) within the flight.
+
+    The cubic through position and velocity at both neighbours (Hermite): exact for a ``flight``.
+    """
     k = np.clip(np.searchsorted(truth.t_s, t_s, side="right") - 1, 0, len(truth.t_s) - 2)
     step_s = (truth.t_s[k + 1] - truth.t_s[k])[:, None]
-    jerk = (truth.a[k + 1] - truth.a[k]) / step_s
     h = (t_s - truth.t_s[k])[:, None]
-    p, v, a = truth.p[k], truth.v[k], truth.a[k]
+    p, v, v_end = truth.p[k], truth.v[k], truth.v[k + 1]
+    mean_v = (truth.p[k + 1] - p) / step_s
+    a = (6 * mean_v - 4 * v - 2 * v_end) / step_s
+    jerk = 6 * (v + v_end - 2 * mean_v) / step_s**2
     return p + h * (v + h * (a / 2 + h * jerk / 6)), v + h * (a + h * jerk / 2), a + h * jerk
 
 

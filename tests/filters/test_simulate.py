@@ -169,3 +169,17 @@ def test_rows_hold_every_value_once_in_time_order(truth):
         mine = joined[joined["sensor"] == sensor]
         values = seen.values[np.isfinite(seen.values)]
         np.testing.assert_array_equal(np.sort(mine["value"]), np.sort(values))
+
+
+def test_interpolation_meets_every_sample(truth):
+    for values, samples in zip(scenario.at(truth, truth.t_s), truth[1:], strict=True):
+        np.testing.assert_allclose(values, samples, atol=1e-6)
+
+
+def test_measured_track_between_its_samples():
+    t_s = np.arange(0, 20, 0.04)
+    circle = np.column_stack([50 * np.sin(t_s / 2), 50 * np.cos(t_s / 2), 100 + 0 * t_s])
+    p, v, _ = scenario.at(scenario.track(t_s, circle), np.array([7.013, 11.987]))
+    expected = [[50 * np.sin(t / 2), 50 * np.cos(t / 2), 100] for t in (7.013, 11.987)]
+    np.testing.assert_allclose(p, expected, atol=1e-4)
+    np.testing.assert_allclose(np.linalg.norm(v, axis=1), 25, atol=0.02)
