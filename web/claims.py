@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from gcs.messages import Verdict
 
 HOLD_NS = 3_000_000_000  # longer than the estimator's window of 1 to 2 s, so that revisions arrive in time
-ACCEPTED = ("used", "deweighted")
+REFUSED = {"used": False, "deweighted": False, "isolated": True, "patch": True}  # others claim nothing new
 
 
 class Claim:
@@ -25,37 +25,42 @@ class Claim:
 
 
 class Claims:
-    """Claims still open to revision; settled ones go to ``settle(sensor, position, outlier)``."""
+    """Claims still open to revision; settled ones go to ``settled(sensor, position, outlier)``."""
 
-    def __init__(self, settle: Callable[[str, Sequence[float], bool], None]):
-        self._settle = settle
+    def __init__(self, settled: Callable[[str, Sequence[float], bool], None]):
+        self._settled = settled
         self._open: dict[tuple[int, str], Claim] = {}
+        self._now_ns = 0
         self.newest: dict[str, tuple[int, Claim]] = {}  # by sensor: t_ns and claim
 
     def take(self, verdict: Verdict) -> None:
-        newest_ns, _ = self.newest.get(verdict.sensor, (verdict.t_ns, None))
-        if verdict.t_ns < newest_ns - HOLD_NS:
+        if verdict.verdict not in REFUSED or verdict.t_ns < self._now_ns - HOLD_NS:
             return
+        self._now_ns = max(self._now_ns, verdict.t_ns)
         claim = self._open.setdefault((verdict.t_ns, verdict.sensor), Claim())
-        claim.refused[verdict.channel] = verdict.verdict not in ACCEPTED
+        claim.refused[verdict.channel] = REFUSED[verdict.verdict]
         claim.position = verdict.position_enu_m or claim.position
+        newest_ns, _ = self.newest.get(verdict.sensor, (0, None))
         if claim.position and verdict.t_ns >= newest_ns:
             self.newest[verdict.sensor] = verdict.t_ns, claim
 
-    def settle_before(self, t_ns: int) -> None:
-        for key in sorted(key for key in self._open if key[0] < t_ns - HOLD_NS):
+    def settle(self) -> None:
+        """Hand on, in order of time, what no revision can reach any more."""
+        for key in sorted(key for key in self._open if key[0] < self._now_ns - HOLD_NS):
             claim = self._open.pop(key)
             if claim.position:
-                self._settle(key[1], claim.position, claim.outlier)
+                self._settled(key[1], claim.position, claim.outlier)
 
-    def pending(self, sensor: str | None, outlier: bool) -> list[Sequence[float]]:
-        """Positions of the claims still open, of one sensor or of all."""
-        return [
-            claim.position
-            for (_, name), claim in self._open.items()
-            if claim.position and claim.outlier == outlier and sensor in (None, name)
-        ]
+    def pending(self) -> tuple[dict[str, list[Sequence[float]]], list[Sequence[float]]]:
+        """Positions of the claims still open: accepted ones by sensor, and all refused ones."""
+        accepted: dict[str, list[Sequence[float]]] = {}
+        refused: list[Sequence[float]] = []
+        for (_, sensor), claim in self._open.items():
+            if claim.position:
+                (refused if claim.outlier else accepted.setdefault(sensor, [])).append(claim.position)
+        return accepted, refused
 
     def clear(self) -> None:
         self._open.clear()
         self.newest.clear()
+        self._now_ns = 0

@@ -8,7 +8,7 @@ from gcs.messages import Scene
 Colour = tuple[int, int, int]
 
 FILTERED: Colour = (32, 128, 224)
-SMOOTHED: Colour = (204, 90, 170)
+SMOOTHED: Colour = (120, 200, 255)  # lies inside the filtered line and is thinner
 OUTLIER: Colour = (228, 60, 20)
 GROUND: Colour = (128, 132, 140)
 GOOD: Colour = (0, 158, 115)
@@ -18,10 +18,11 @@ INS: Colour = (140, 146, 156)
 INSTRUMENTS: tuple[Colour, ...] = (
     (230, 159, 0),
     (0, 158, 115),
-    (86, 180, 233),
-    (150, 110, 210),
+    (204, 100, 180),
     (160, 120, 80),
+    (150, 150, 0),
 )
+INK: dict[bool, Colour] = {False: (25, 28, 36), True: (245, 245, 250)}  # by dark page: the aircraft
 
 
 def of_sensors(scene: Scene) -> dict[str, Colour]:

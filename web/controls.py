@@ -6,8 +6,6 @@ from typing import Protocol
 
 import viser
 
-from web.panel import clock
-
 SPEEDS = {"1×": 1.0, "2×": 2.0, "5×": 5.0, "10×": 10.0, "50×": 50.0, "max": math.inf}
 SETTLE_S = 0.3  # a seek starts when the slider has rested for so long
 
@@ -37,8 +35,7 @@ class Player:
         length_s = max(1.0, (playback.end_ns - playback.start_ns) / 1e9)
         with gui.add_folder("Replay"):
             self._button = gui.add_button("Pause" if playback.playing else "Play")
-            marks = ((0, clock(playback.start_ns)[:8]), (length_s, clock(playback.end_ns)[:8]))
-            self._slider = gui.add_slider("Time", 0.0, length_s, 0.1, 0.0, marks=marks)
+            self._slider = gui.add_slider("Time s", 0.0, length_s, 0.1, 0.0)
             speed = min(SPEEDS, key=lambda name: abs(min(SPEEDS[name], 1e3) - min(playback.speed, 1e3)))
             self._speed = gui.add_dropdown("Speed", list(SPEEDS), initial_value=speed)
         self._button.on_click(lambda _: playback.pause() if playback.playing else playback.play())

@@ -6,6 +6,7 @@ A solid is (vertices (n, 3) float, faces (m, 3) int).
 import numpy as np
 
 Solid = tuple[np.ndarray, np.ndarray]
+HEAD = 0.9  # where theodolite and radar look from, above their feet
 
 
 def aircraft() -> Solid:
@@ -18,7 +19,8 @@ def aircraft() -> Solid:
     )
     right = outline[-2:0:-1] * (1, -1, 1)
     rim = np.vstack([outline, right])
-    top, bottom = rim + (0, 0, 0.02), rim - (0, 0, 0.02)
+    thick = np.array([0, 0, 0.02])
+    top, bottom = rim + thick, rim - thick
     ridge = np.array([[0.1, 0, 0.09], [0.1, 0, -0.06]])
     n = len(rim)
     i, j = np.arange(n), (np.arange(n) + 1) % n
@@ -41,14 +43,16 @@ def theodolite() -> Solid:
 
 def radar() -> Solid:
     """A mast with a dish that looks up."""
-    rim, deep = 0.38, np.array([0.0, 0.0, 0.55])
+    rim, deep = 0.32, np.array([0.0, 0.0, 0.75])
     look = np.array([0.0, -0.6, 0.8])
     side, up = np.array([1.0, 0, 0]), np.cross(look, [1.0, 0, 0])
     angles = np.linspace(0, 2 * np.pi, 16, endpoint=False)[:, None]
     edge = deep + 0.22 * look + rim * (np.cos(angles) * side + np.sin(angles) * up)
     i, j = np.arange(16), (np.arange(16) + 1) % 16
     dish = (np.vstack([edge, deep]), np.column_stack([i, j, np.full(16, 16)]))
-    return merge(bar((0, 0, 0), deep, 0.07), dish, bar(deep, deep + 0.42 * look, 0.025))
+    feet = [(0.25 * np.cos(a), 0.25 * np.sin(a), 0.0) for a in np.radians([90, 210, 330])]
+    legs = [bar(foot, (0, 0, 0.35), 0.04) for foot in feet]
+    return merge(*legs, bar((0, 0, 0.3), deep, 0.06), dish, bar(deep, deep + 0.42 * look, 0.025))
 
 
 def bar(start, end, radius: float) -> Solid:

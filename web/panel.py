@@ -16,13 +16,15 @@ OLD_S = 2.0  # a sensor silent for longer turns red
 STYLE = f"""<style>
 .gcs {{ padding: 0.4em 0.9em; font-size: 0.8em; line-height: 1.45; font-variant-numeric: tabular-nums; }}
 .gcs table {{ width: 100%; border-collapse: collapse; }}
-.gcs td, .gcs th {{ text-align: right; padding: 0.1em 0 0.1em 0.6em; font-weight: normal; white-space: nowrap; }}
+.gcs td, .gcs th {{ text-align: right; padding: 0.05em 0 0.05em 0.6em; font-weight: normal; }}
+.gcs td, .gcs th, .gcs .word {{ white-space: nowrap; }}
 .gcs th {{ opacity: 0.6; font-size: 0.9em; }}
 .gcs td:first-child, .gcs th:first-child {{ text-align: left; padding-left: 0; }}
 .gcs .clock {{ font-size: 1.9em; font-weight: 600; line-height: 1.2; }}
 .gcs .badge {{ float: right; color: white; font-weight: 600; padding: 0.25em 0.7em; border-radius: 0.4em; }}
 .gcs .quiet {{ opacity: 0.6; }}
-.gcs .swatch {{ display: inline-block; width: 0.75em; height: 0.75em; border-radius: 50%; margin-right: 0.5em; }}
+.gcs .swatch {{ display: inline-block; width: 0.75em; height: 0.75em; border-radius: 50%;
+  margin-right: 0.5em; }}
 .gcs .lost {{ height: 0; overflow: hidden; color: white; background: {css(colours.BAD)}; font-weight: 600;
   text-align: center; border-radius: 0.4em; animation: gcs-lost 0.1s {LOST_S}s forwards; }}
 @keyframes gcs-lost {{ to {{ height: 1.8em; line-height: 1.8em; }} }}
@@ -58,7 +60,8 @@ def status(scene: Scene, state: State | None, age_s: float, mode: str, tick: int
     east, north, up = state.position_enu_m
     sigma = [state.covariance[i] ** 0.5 for i in (0, 2, 5)]
     day = datetime.fromtimestamp(state.t_ns // 1_000_000_000, UTC)
-    return f"""{STYLE}<div class="gcs">{head} <span class="quiet">{escape(scene.range)} · {day:%Y-%m-%d}</span>{lost}
+    where = f'<span class="quiet">{escape(scene.range)} · {day:%Y-%m-%d}</span>'
+    return f"""{STYLE}<div class="gcs">{head} {where}{lost}
 <div class="clock">{clock(state.t_ns)} <span class="quiet" style="font-size:0.5em">UTC</span></div>
 <table><tr><th></th><th>East</th><th>North</th><th>Up</th></tr>
 <tr><td>position m</td><td>{east:.1f}</td><td>{north:.1f}</td><td>{up:.1f}</td></tr>
@@ -80,7 +83,8 @@ def sensors(scene: Scene, health: Health | None, state: State | None) -> str:
         if sensor.alive and age_s > OLD_S:
             word, colour = "silent", colours.BAD
         rows.append(
-            f"<tr><td>{swatch(named.get(name, colours.GROUND))}{escape(name)}</td><td>{sensor.rate_hz:.1f}</td>"
+            f"<tr><td>{swatch(named.get(name, colours.GROUND))}{escape(name)}</td>"
+            f"<td>{sensor.rate_hz:.1f}</td>"
             f"<td>{inked(f'{age_s:.1f}', colours.BAD if age_s > OLD_S else None)}</td>"
             f"<td>{inked(f'{sensor.outlier_share:.1%}', share_colour(sensor.outlier_share))}</td>"
             f"<td>{sensor.latency_s * 1e3:.0f}</td><td>{inked(word, colour)}</td></tr>"
@@ -97,14 +101,19 @@ def legend(scene: Scene, sigma_factor: int) -> str:
     words += [f'<b style="color:{css(colours.OUTLIER)}">✕</b> outlier']
     words += [f"{swatch(colour)}{escape(name)}" for name, colour in named.items()]
     words += [f"3σ ellipsoid ×{sigma_factor}", "grid 100 m, 1 km"]
-    return STYLE + '<div class="gcs">' + " &nbsp; ".join(f"<nobr>{word}</nobr>" for word in words) + "</div>"
+    return (
+        STYLE
+        + '<div class="gcs">'
+        + " &nbsp; ".join(f'<span class="word">{word}</span>' for word in words)
+        + "</div>"
+    )
 
 
 def events(latest: list[Event], skipped: int) -> str:
     tint = {"warning": colours.WARNING, "error": colours.BAD}
     rows = [
-        f'<div><span class="quiet">{clock(event.t_ns)}</span> {inked(escape(event.text), tint.get(event.level))}</div>'
-        for event in reversed(latest)
+        f'<div><span class="quiet">{clock(e.t_ns)}</span> {inked(escape(e.text), tint.get(e.level))}</div>'
+        for e in reversed(latest)
     ]
     if skipped:
         rows.insert(

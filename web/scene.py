@@ -1,7 +1,7 @@
 """The 3-D picture: what stands still, what flew, what was refused.
 
-Everything hangs under one node, ``/world``, in station ENU. The follow camera moves that node, not the camera,
-so it never fights the hand on the mouse.
+Everything hangs under one node, ``/world``, in station ENU. The follow camera moves that node, not the
+camera, so it never fights the hand on the mouse.
 """
 
 import numpy as np
@@ -19,7 +19,8 @@ STEP_NS = 100_000_000  # trajectories are drawn ten times a second of flight; fi
 BREAK_NS = 5_000_000_000  # a longer gap is not bridged by a straight line
 FRESH_NS = 2_000_000_000  # a line of sight fades this long after the instrument's last claim
 GRAVITY_MPS2 = 9.80665
-AIRCRAFT, INSTRUMENT, ELLIPSOID = 0.05, 0.045, 0.012  # sizes as a share of the camera's distance
+AIRCRAFT, INSTRUMENT, ELLIPSOID = 0.08, 0.045, 0.025  # sizes as a share of the camera's distance
+FACTORS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)  # how much larger than life the ellipsoid may be
 
 
 class Picture:
@@ -37,8 +38,8 @@ class Picture:
             name: self._api.add_frame(f"/world/{name}", show_axes=False) for name in (*LAYERS, "fixed")
         }
         self._trails = {
-            "filtered": Trail("/world/filtered", line, self._drawer(colours.FILTERED, 3.0)),
-            "smoothed": Trail("/world/smoothed", line, self._drawer(colours.SMOOTHED, 2.0)),
+            "filtered": Trail("/world/filtered", line, self._drawer(colours.FILTERED, 4.0)),
+            "smoothed": Trail("/world/smoothed", line, self._drawer(colours.SMOOTHED, 1.5)),
             "outliers": Trail("/world/outliers", crosses, self._drawer(colours.OUTLIER, 2.0)),
         }
         self._raw: dict[str, Trail] = {}
@@ -59,21 +60,22 @@ class Picture:
             case State():
                 self._extend("filtered", message)
                 self._state = message
-            case Verdict(t_ns=int()):
+            case Verdict():
                 self._claims.take(message)
 
     def update(self) -> None:
         """Draw what changed."""
+        self._claims.settle()
         if self._state:
-            self._claims.settle_before(self._state.t_ns)
             self._move_aircraft(self._state)
             self._draw_sight(self._state)
         self._size_glyphs()
         self._trails["filtered"].update()
         self._trails["smoothed"].update()
-        self._trails["outliers"].update(self._claims.pending(None, outlier=True))
-        for sensor, trail in self._raw.items():
-            trail.update(self._claims.pending(sensor, outlier=False))
+        accepted, refused = self._claims.pending()
+        self._trails["outliers"].update(refused)
+        for sensor in {*self._raw, *accepted}:
+            self._raw_trail(sensor).update(accepted.get(sensor, ()))
 
     def clear(self) -> None:
         for trail in [*self._trails.values(), *self._raw.values()]:
@@ -90,6 +92,9 @@ class Picture:
         with client.atomic():
             client.camera.position = centre + away
             client.camera.look_at = centre
+
+    def set_dark(self, dark: bool) -> None:
+        self._aircraft.color = colours.INK[dark]
 
     def _extend(self, which: str, state: State) -> None:
         gap_ns = state.t_ns - self._last_ns.get(which, state.t_ns - STEP_NS)
@@ -113,7 +118,7 @@ class Picture:
 
     def _raw_trail(self, sensor: str) -> Trail:
         if sensor not in self._raw:
-            draw = self._drawer(self._colours.get(sensor, colours.GROUND), 5.0)
+            draw = self._drawer(self._colours.get(sensor, colours.GROUND), 3.0)
             self._raw[sensor] = Trail(f"/world/raw/{sensor}", dots, draw)
         return self._raw[sensor]
 
@@ -139,8 +144,9 @@ class Picture:
             **grid,
             cell_color=colours.GROUND,
             section_color=colours.GROUND,
-            cell_thickness=0.6,
-            section_thickness=1.6,
+            cell_thickness=0.5,
+            section_thickness=1.1,
+            fade_strength=2.0,
             shadow_opacity=0.0,
         )
         north = np.array(
@@ -148,14 +154,9 @@ class Picture:
         )
         self._drawer(colours.GROUND, 4.0)("/world/fixed/north", north.astype(np.float32))
         self._api.add_label("/world/fixed/n", "N", position=(0, 340, 0), anchor="center-center")
-        for e, n in ((1000, 0), (0, 1000), (-1000, 0), (0, -1000)):
-            self._api.add_label(
-                f"/world/fixed/{e},{n}",
-                "1 km",
-                position=(e, n, 0),
-                font_screen_scale=0.7,
-                anchor="center-center",
-            )
+        for side, e, n in (("E", 1000, 0), ("N", 0, 1000), ("W", -1000, 0), ("S", 0, -1000)):
+            place = {"position": (e, n, 0), "font_screen_scale": 0.8, "anchor": "center-center"}
+            self._api.add_label(f"/world/fixed/1km-{side}", f"1 km {side}", **place)
 
     def _draw_instrument(self, instrument) -> viser.MeshHandle:
         name, position = instrument.name, instrument.position_enu_m
@@ -177,7 +178,7 @@ class Picture:
             "/world/aircraft",
             vertices,
             faces,
-            color=colours.FILTERED,
+            color=colours.INK[False],
             flat_shading=True,
             side="double",
             visible=False,
@@ -186,7 +187,7 @@ class Picture:
             "/world/aircraft-label", self._scene.vehicle, visible=False, anchor="bottom-left"
         )
         self._sphere = self._api.add_icosphere(
-            "/world/ellipsoid/sigma", color=colours.FILTERED, opacity=0.3, visible=False, cast_shadow=False
+            "/world/ellipsoid/sigma", color=colours.FILTERED, opacity=0.22, visible=False, cast_shadow=False
         )
 
     def _move_aircraft(self, state: State) -> None:
@@ -209,17 +210,19 @@ class Picture:
 
     def _size_ellipsoid(self, state: State, distance: float) -> None:
         radii, axes = ellipsoid(state.covariance)
-        self.sigma_factor = 10 ** max(0, int(np.ceil(np.log10(ELLIPSOID * distance / radii.max()))))
+        seen = (factor for factor in FACTORS if factor * radii.max() > ELLIPSOID * distance)
+        self.sigma_factor = next(seen, FACTORS[-1])
         self._sphere.scale = tuple(radii * self.sigma_factor)
         self._sphere.wxyz = viser.transforms.SO3.from_matrix(axes).wxyz
 
     def _draw_sight(self, state: State) -> None:
-        for instrument in self._scene.instruments:
+        for instrument, glyph in zip(self._scene.instruments, self._glyphs, strict=True):
             t_ns, claim = self._claims.newest.get(instrument.name, (0, None))
             fresh = claim is not None and abs(state.t_ns - t_ns) < FRESH_NS
             refused = fresh and claim.outlier
             target = claim.position if refused else state.position_enu_m
-            beam = np.array([[instrument.position_enu_m, target]], np.float32)
+            head = np.array(instrument.position_enu_m) + np.array([0, 0, glyphs.HEAD * glyph.scale])
+            beam = np.array([[head, target]], np.float32)
             nothing = beam[:0]
             name, colour = f"/world/sight/{instrument.name}", self._colours[instrument.name]
             self._drawer(colour, 1.5)(name, beam if fresh and not refused else nothing)
@@ -245,9 +248,9 @@ def ellipsoid(covariance: list[float]) -> tuple[np.ndarray, np.ndarray]:
 
 
 def attitude(velocity, acceleration) -> np.ndarray:
-    """Unit quaternion wxyz of an aircraft in a coordinated turn: nose along the velocity, lift against gravity."""
+    """Unit quaternion wxyz of an aircraft in a coordinated turn: nose along the velocity."""
     nose = np.array(velocity) / np.linalg.norm(velocity)
-    lift = np.array(acceleration) + (0, 0, GRAVITY_MPS2)
+    lift = np.array([0, 0, GRAVITY_MPS2]) + acceleration
     lift = lift - (lift @ nose) * nose
     up = lift / np.linalg.norm(lift)
     return viser.transforms.SO3.from_matrix(np.column_stack([nose, np.cross(up, nose), up])).wxyz

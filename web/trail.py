@@ -2,7 +2,7 @@
 
 The browser's line and point nodes cannot grow; a change sends the whole node. So a trail is cut: chunks of
 1,000 points are sent once, the points since then once per hundred, and only the last few every time. Beyond
-``MOST`` chunks the oldest two become one of half the density, so hours cost no more than the first hour.
+``MOST`` chunks the oldest are thinned, two into one, so many hours cost no more than the first.
 """
 
 from collections.abc import Callable, Sequence
@@ -26,7 +26,7 @@ def line(points: np.ndarray) -> np.ndarray:
 
 def dots(points: np.ndarray) -> np.ndarray:
     """(n, 3) → (n, 2, 3)."""
-    return np.stack([points, points + (0, 0, DOT_M)], axis=1)
+    return np.stack([points, points + np.array([0, 0, DOT_M])], axis=1)
 
 
 def crosses(points: np.ndarray) -> np.ndarray:
@@ -97,7 +97,8 @@ class Trail:
     def _thin(self) -> None:
         levels = [level for _, _, level in self._chunks]
         pairs = [i for i in range(len(levels) - 1) if levels[i] == levels[i + 1]]
-        i = min(pairs, key=lambda i: (levels[i], i))
+        # From the oldest on, everything to the same density before anything is thinned once more.
+        i = next((i for i in pairs if levels[i] < levels[0]), pairs[0])
         (name, older, level), (gone, newer, _) = self._chunks[i : i + 2]
         points = np.vstack([older[: len(older) - self._joint], newer])
         keep = np.isnan(points[:, 0])

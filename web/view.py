@@ -4,6 +4,8 @@
 The page has no password: it binds to 127.0.0.1 only, put a proxy in front for anything wider.
 """
 
+import contextlib
+import io
 import threading
 import time
 from collections import deque
@@ -18,7 +20,7 @@ from web.scene import LAYERS, Picture
 QUEUE = 200_000  # messages; at more than a million a minute the oldest are skipped, counted and shown
 PERIOD_S = 0.1
 PANEL_PERIODS = 3  # the panel is read by people: three times a second is enough
-EVENTS = 6
+EVENTS = 4
 NAMES = {"sight": "lines of sight", "ellipsoid": "3σ ellipsoid", "raw": "raw points"}
 
 
@@ -30,9 +32,10 @@ class View:
     """A page with the picture and the panel. With ``playback`` it also steers a replay."""
 
     def __init__(self, scene: Scene, *, port: int = 8080, playback: Playback | None = None):
-        self._server = viser.ViserServer(host="127.0.0.1", port=port, label="gcs", verbose=False)
+        with _hush():
+            self._server = viser.ViserServer(host="127.0.0.1", port=port, label="gcs", verbose=False)
         if self._server.get_port() != port:  # viser quietly takes the next free one
-            self._server.stop()
+            self._stop_server()
             raise ViewError(f"port {port} is in use: stop the program that holds it, or take another port")
         self.url = f"http://127.0.0.1:{port}"
         self._scene = scene
@@ -45,6 +48,7 @@ class View:
         self._stop = threading.Event()
         self._set_stage()
         self._picture = Picture(self._server, scene)
+        self._theme(dark=False)
         self._build_panel(playback)
         self._server.on_client_connect(self._picture.look)
         self._thread = threading.Thread(target=self._run, name="view", daemon=True)
@@ -64,7 +68,11 @@ class View:
     def close(self) -> None:
         self._stop.set()
         self._thread.join()
-        self._server.stop()
+        self._stop_server()
+
+    def _stop_server(self) -> None:
+        with _hush():
+            self._server.stop()
 
     def _set_stage(self) -> None:
         self._server.scene.set_up_direction("+z")
@@ -72,7 +80,6 @@ class View:
         camera.near, camera.far, camera.fov = 1.0, 100_000.0, 0.9
         camera.position, camera.look_at = (-700.0, -1600.0, 1000.0), (0.0, 0.0, 0.0)
         self._server.gui.set_panel_label("Ground station")
-        self._theme(dark=False)
 
     def _theme(self, dark: bool) -> None:
         self._server.gui.configure_theme(
@@ -82,6 +89,7 @@ class View:
             show_logo=False,
             show_share_button=False,
         )
+        self._picture.set_dark(dark)
 
     def _build_panel(self, playback: Playback | None) -> None:
         gui = self._server.gui
@@ -89,19 +97,18 @@ class View:
         self._player = Player(gui, playback) if playback else None
         with gui.add_folder("Sensors"):
             self._sensors = gui.add_html("")
+        with gui.add_folder("Events"):
+            self._log = gui.add_html("")
         with gui.add_folder("Show"):
             self._legend = gui.add_html("")
-            for name in LAYERS:
-                box = gui.add_checkbox(NAMES.get(name, name), True)
-                box.on_update(lambda event, name=name: self._show(name, event.target.value))
-        with gui.add_folder("Camera"):
+            gui.add_button("Reset view").on_click(lambda event: self._picture.look(event.client))
             gui.add_checkbox("follow aircraft", False).on_update(
                 lambda event: self._follow(event.target.value)
             )
-            gui.add_button("Reset view").on_click(lambda event: self._picture.look(event.client))
+            for name in LAYERS:
+                box = gui.add_checkbox(NAMES.get(name, name), True)
+                box.on_update(lambda event, name=name: self._show(name, event.target.value))
             gui.add_checkbox("dark", False).on_update(lambda event: self._theme(event.target.value))
-        with gui.add_folder("Events"):
-            self._log = gui.add_html("")
 
     def _show(self, layer: str, visible: bool) -> None:
         self._picture.layers[layer].visible = visible
@@ -143,6 +150,11 @@ class View:
         self._sensors.content = panel.sensors(self._scene, self._health, self._state)
         self._legend.content = panel.legend(self._scene, self._picture.sigma_factor)
         self._log.content = panel.events(list(self._events), self._skipped)
+
+
+def _hush() -> contextlib.redirect_stdout:
+    """viser prints its address and its end; where the page is, the command says."""
+    return contextlib.redirect_stdout(io.StringIO())
 
 
 def run(bus, port: int = 8080, stop: threading.Event | None = None) -> None:

@@ -28,6 +28,8 @@ def open_page(url: str) -> Iterator:
         page = browser.new_page(viewport=SIZE)
         page.goto(url)
         page.get_by_text("Sensors").wait_for()
+        # The page warns those without a graphics card; in a picture of the view that is no news.
+        page.add_style_tag(content=".mantine-Notifications-root { display: none }")
         try:
             yield page
         finally:
@@ -38,6 +40,6 @@ def screenshot(url: str, path: Path, dark: bool = False) -> None:
     """Write a PNG of the view as a newcomer sees it."""
     with open_page(url) as page:
         if dark:
-            page.get_by_label("dark").click()
+            page.get_by_role("checkbox", name="dark", exact=True).click()
         page.wait_for_timeout(4000)  # software rendering needs a few frames
         page.screenshot(path=path)

@@ -1,4 +1,4 @@
-"""A flight made of a formula, for tests and screenshots of the view: no filter, no file, no chance but a seed."""
+"""A flight made of a formula, for tests and screenshots of the view."""
 
 from collections.abc import Iterator
 
@@ -86,7 +86,7 @@ def _verdict(t_ns: int, i: int, sensor: str, noise_m: float, rng: np.random.Gene
     if sensor != "ins" and rng.random() < 0.025:
         verdict, here = "isolated", here + rng.normal(0, 90, 3)
     if sensor == "theo-south" and 300 <= i < 312:
-        verdict, here = "patch", here + (70.0, -40.0, 30.0)
+        verdict, here = "patch", here + np.array([70.0, -40.0, 30.0])
     return Verdict(
         t_ns=t_ns,
         sensor=sensor,

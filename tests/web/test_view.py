@@ -1,0 +1,75 @@
+"""The view from outside the browser: its port, its queue, and life on the bus."""
+
+import socket
+import threading
+import time
+import urllib.request
+
+import pytest
+
+from tests.web.flight import SCENE, messages
+from web.view import View, ViewError, run
+
+
+@pytest.fixture
+def port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+def test_a_taken_port_is_refused_in_one_line(port):
+    with socket.socket() as holder:
+        holder.bind(("127.0.0.1", port))
+        holder.listen()
+        with pytest.raises(ViewError, match=f"^port {port} is in use: [^\n]*$"):
+            View(SCENE, port=port)
+
+
+def test_the_port_is_free_again_after_close(port):
+    for _ in range(2):
+        view = View(SCENE, port=port)
+        assert urllib.request.urlopen(view.url, timeout=5).status == 200
+        view.close()
+
+
+def test_nothing_is_printed(port, capfd):
+    View(SCENE, port=port).close()
+    assert capfd.readouterr().out == ""
+
+
+class FakeBus:
+    """Hands out what it was given, once per subject."""
+
+    def __init__(self):
+        self.waiting = {"scene": [("", SCENE)], "smoothed": [], "state": []}
+        for message, source in messages(2.0):
+            self.waiting["smoothed" if source else "state"].append(("", message))
+
+    def subscribe(self, *subjects: str):
+        return FakeSubscription(self.waiting[subjects[0]])
+
+
+class FakeSubscription:
+    def __init__(self, pairs: list):
+        self._pairs = pairs
+
+    def drain(self, timeout_s: float = 0.1) -> list:
+        if not self._pairs:
+            time.sleep(timeout_s)
+        pairs, self._pairs[:] = self._pairs[:], []
+        return pairs
+
+
+def test_alone_on_the_bus_it_opens_for_the_scene_and_ends_when_told(port):
+    bus, stop = FakeBus(), threading.Event()
+    alone = threading.Thread(target=run, args=(bus, port, stop))
+    alone.start()
+    deadline_s = time.monotonic() + 20
+    while any(bus.waiting.values()) and time.monotonic() < deadline_s:
+        time.sleep(0.05)
+    assert not any(bus.waiting.values())
+    assert urllib.request.urlopen(f"http://127.0.0.1:{port}", timeout=5).status == 200
+    stop.set()
+    alone.join(10)
+    assert not alone.is_alive()
