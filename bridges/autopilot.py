@@ -1,0 +1,72 @@
+"""What an autopilot's MAVLink fields mean: one formula each, for single messages and for columns alike.
+
+Fields and units: https://mavlink.io/en/messages/common.html (GLOBAL_POSITION_INT, GPS_RAW_INT, ATTITUDE,
+RAW_IMU, SCALED_IMU, SCALED_IMU2, HIGHRES_IMU). Body axes are forward, right, down; MAVLink's local axes are
+north, east, down.
+"""
+
+import numpy as np
+
+GRAVITY = 9.80665  # m/s², also what ArduPilot divides by to get its mG
+MILLI_G = GRAVITY / 1000
+IMUS = {
+    "HIGHRES_IMU": 1.0,
+    "SCALED_IMU": MILLI_G,
+    "RAW_IMU": MILLI_G,
+    "SCALED_IMU2": MILLI_G,
+}  # best first: unit in m/s²
+IMU_SAMPLES = 20  # an accelerometer is believed after so many
+IMU_RANGE = (0.7 * GRAVITY, 1.3 * GRAVITY)  # their median; PX4 may send raw counts in RAW_IMU
+ATTITUDE_AGE_NS = 100_000_000  # turned further than this, the body rates no longer say where it points
+FIX_3D = 3  # GPS_FIX_TYPE_3D_FIX
+NULL_ISLAND_E7 = 100_000  # 0.01°: an estimator without origin reports positions around 0, 0
+GEOID_LIMIT_M = 120.0  # the geoid lies −107 … +86 m from the ellipsoid
+UNIX_US = 10**15  # a time_usec above this is UTC, below it is time since boot (MAVLink's own rule)
+NO_AUTOPILOT = 8  # MAV_AUTOPILOT_INVALID: ground stations, gimbals, companions
+
+
+def has_position(lat, lon):
+    """Is GLOBAL_POSITION_INT's ``lat``, ``lon`` (degE7) a position at all?"""
+    return (abs(lat) > NULL_ISLAND_E7) | (abs(lon) > NULL_ISLAND_E7)
+
+
+def position_velocity(lat, lon, alt, vx, vy, vz):
+    """(lat_deg, lon_deg, alt_msl_m, ve, vn, vu m/s) of GLOBAL_POSITION_INT (degE7, mm, cm/s NED)."""
+    return lat * 1e-7, lon * 1e-7, alt * 1e-3, vy * 1e-2, vx * 1e-2, vz * -1e-2
+
+
+def geoid_separation_m(fix_type, alt, alt_ellipsoid):
+    """Ellipsoidal minus mean-sea-level height in m of GPS_RAW_INT (mm), NaN where it does not say.
+
+    ``alt_ellipsoid`` is a MAVLink 2 extension: zero when the sender does not know it.
+    """
+    separation = (np.float64(alt_ellipsoid) - alt) * 1e-3
+    known = (fix_type >= FIX_3D) & (alt_ellipsoid != 0) & (abs(separation) <= GEOID_LIMIT_M)
+    return np.where(known, separation, np.nan)[()]
+
+
+def is_accelerometer(force: np.ndarray) -> bool:
+    """Do the first specific forces ((n, 3), m/s²) of a message type measure about one g?"""
+    if len(force) < IMU_SAMPLES:
+        return False
+    median = np.median(np.linalg.norm(force[:IMU_SAMPLES], axis=-1))
+    return bool(IMU_RANGE[0] <= median <= IMU_RANGE[1])
+
+
+def acceleration_enu(
+    force: np.ndarray, attitude: np.ndarray, rates: np.ndarray, age_s: np.ndarray
+) -> np.ndarray:
+    """(..., 3) kinematic acceleration in local ENU, m/s².
+
+    ``force`` (..., 3) specific force in body axes, m/s²; ``attitude`` (..., 3) roll, pitch, yaw in rad and
+    ``rates`` (..., 3) body rates in rad/s, both ``age_s`` (...) older than the force. The attitude is carried
+    on by the rates (to second order: 0.5 % at 0.3 rad), then the force turns by roll, pitch, yaw (Stevens &
+    Lewis, Aircraft Control and Simulation, eq. 1.3-20) and gravity is added.
+    """
+    turn = rates * np.asarray(age_s)[..., None]
+    once = np.cross(turn, force)
+    x, y, z = np.moveaxis(force + once + 0.5 * np.cross(turn, once), -1, 0)
+    (sr, sp, sy), (cr, cp, cy) = np.moveaxis(np.sin(attitude), -1, 0), np.moveaxis(np.cos(attitude), -1, 0)
+    level = sr * y + cr * z
+    ahead, right, down = cp * x + sp * level, cr * y - sr * z, cp * level - sp * x
+    return np.stack([sy * ahead + cy * right, cy * ahead - sy * right, -(down + GRAVITY)], axis=-1)
