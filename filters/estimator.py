@@ -1,0 +1,422 @@
+"""The estimator: rows in; track, smoothed track and verdicts out.
+
+    rows ──► first decision, epoch by epoch ──► head: the state now
+                 every ``cell_s`` of data time: re-decide the window ──► head again, from the re-decided rows
+                 ``horizon_s`` later: decided, the anchor moves on
+                 ``lateness_s`` after that: final
+
+Everything follows from the rows in order of time. A late row winds the estimator back to the snapshot before
+it and goes on from there, so what is final does not depend on the order of arrival.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from filters import decide, ins, motion, outlier, start
+from filters import model as models
+from filters import report as reports
+from filters import window as windows
+from filters.motion import CORE
+from filters.rows import (
+    CHANNELS,
+    DUPLICATE,
+    INVALID,
+    LATE,
+    ROW,
+    TRACK,
+    VERDICT,
+    Sensor,
+    Step,
+)  # fmt: skip
+
+
+class Settings(NamedTuple):
+    """What steers an estimator."""
+
+    jerk_psd: float = motion.JERK_PSD
+    ins_bias_sigma_m: float = ins.BIAS_SIGMA_M
+    ins_bias_tau_s: float = ins.BIAS_TAU_S
+    soft: float = outlier.SOFT  # sigmas
+    hard: float = outlier.HARD  # sigmas; inf takes every value
+    horizon_s: float = 1.0  # what later rows may still change; 0: decided at first sight
+    lateness_s: float = 1.0  # a row may come so much later than the newest one
+    cell_s: float = 0.1  # data time between two re-decisions
+
+
+class Rows(NamedTuple):
+    """All rows so far in order of time, and what was made of them; arrays (capacity,)."""
+
+    id: np.ndarray
+    t: np.ndarray  # ns
+    sensor: np.ndarray
+    channel: np.ndarray
+    value: np.ndarray
+    weight: np.ndarray
+    predicted: np.ndarray
+    sigma: np.ndarray
+    nis: np.ndarray  # squared standardised innovation
+    verdict: np.ndarray
+    reason: np.ndarray
+    told: np.ndarray  # verdict as published, −1 not yet
+    said: np.ndarray  # weight as published
+
+
+JUDGED = ("weight", "predicted", "sigma", "nis", "verdict", "reason")  # columns that a rewind restores
+
+
+def _room(n: int) -> Rows:
+    types = ["i8", "i8", "i2", "i1", "f8", "f8", "f8", "f8", "f8", "i1", "i1", "i1", "f8"]
+    return Rows(*(np.zeros(n, t) for t in types))
+
+
+class Moment(NamedTuple):
+    """A state with its time, and each channel's count of consecutive outliers up to then."""
+
+    t_ns: int
+    x: np.ndarray  # (n,)
+    P: np.ndarray  # (n, n)
+    run: np.ndarray  # (s, 13)
+
+    def copy(self) -> "Moment":
+        return Moment(self.t_ns, self.x.copy(), self.P.copy(), self.run.copy())
+
+
+class Snapshot(NamedTuple):
+    """All that is needed to go on from the beginning of a cell."""
+
+    boundary_ns: int
+    size: int  # rows before the boundary
+    decided: int  # rows decided
+    anchor: Moment | None  # after the decided rows
+    head: Moment | None  # after all rows
+    judged: tuple[np.ndarray, ...]  # JUDGED of the rows between
+    tally: np.ndarray  # (s, 13, 3) of decided rows: used, sum of NIS, refused
+    resets: int
+    left: np.ndarray  # (k,) TRACK smoothed, epochs decided when the cell before ended
+
+
+LONG_AGO_NS = np.iinfo(np.int64).min // 2
+MARK_NS = 1_000_000_000
+HALF_QUALITY_M = 10.0  # position 1-sigma at which quality is 50
+START_NS = 1_000_000_000  # rows so far apart may still make a fix together
+METHODS = {
+    "default": {},
+    "ukf": {"hard": np.inf, "soft": np.inf, "horizon_s": 0.0},
+    "gate": {"hard": 4.0, "soft": 4.0, "horizon_s": 0.0},
+    "igg": {"hard": 8.5, "soft": 1.5, "horizon_s": 0.0},
+}
+
+
+def make(method: str, sensors: Sequence[Sensor], settings: Settings | None = None) -> "Estimator":
+    """An estimator by name; ``settings`` override what the method sets. Raises ValueError for an unknown name."""
+    if method not in METHODS:
+        raise ValueError(f"unknown method {method!r}; choose one of {', '.join(METHODS)}")
+    return Estimator(sensors, (settings or Settings())._replace(**METHODS[method]))
+
+
+class Estimator:
+    """See the module's text. ``sensors`` in the order of ROW's ``sensor``."""
+
+    def __init__(self, sensors: Sequence[Sensor], settings: Settings):
+        self.sensors, self.settings = tuple(sensors), settings
+        self.model = models.build(
+            sensors, settings.jerk_psd, settings.ins_bias_sigma_m, settings.ins_bias_tau_s
+        )
+        n = len(self.model.prior)
+        self._cell_ns, self._horizon_ns, self._lateness_ns = (
+            round(1e9 * s) for s in (settings.cell_s, settings.horizon_s, settings.lateness_s)
+        )
+        self._rows, self._size, self._done, self._final = _room(4096), 0, 0, 0
+        self._out, self._work = windows.trace(1024, n, 256), windows.scratch(n)
+        self._r, self._N = np.zeros(n), np.zeros((n, n))
+        self._newest_ns, self._told, self._marks, self._reset_log = LONG_AGO_NS, 0, [], []
+        tally = np.zeros((len(sensors), len(CHANNELS), 3))
+        blank = Snapshot(LONG_AGO_NS, 0, 0, None, None, (), tally, 0, np.zeros(0, TRACK))
+        self._snapshots, self._smoothed = [blank], []
+        self._rewind(blank)
+
+    def warm_up(self) -> None:
+        """Compile everything, or fetch it from the cache, before the first measurement."""
+        twin = Estimator(self.sensors, self.settings)
+        said = [(s, c) for s, sensor in enumerate(self.sensors) for c in np.flatnonzero(sensor.sigma > 0)]
+        rows = np.zeros(2 * len(said), ROW)
+        for k, (s, c) in enumerate(said + said):
+            rows[k] = (k, 0 if k < len(said) else 2 * 10**9, s, c, 1.0)
+        twin.step(rows)
+        twin.finish()
+
+    def step(self, rows: np.ndarray) -> Step:
+        """Take in ``rows`` (n,) ROW, late ones too, and say what they bring."""
+        refused = self._insert(rows)
+        ahead = np.unique(self._rows.t[self._done : self._size])
+        track, count = np.zeros(len(ahead), TRACK), 0
+        while self._done < self._size:
+            if self._epoch() and self._head.t_ns > self._newest_ns:
+                self._newest_ns = self._head.t_ns
+                track[count] = self._tracks([self._head.t_ns], self._head.x[None], self._head.P[None])[0]
+                count += 1
+        return Step(track[:count], self._take_smoothed(), np.concatenate([refused, self._changed()]))
+
+    def finish(self) -> Step:
+        """Decide what is left. No step may follow."""
+        if self._head is not None:
+            self._close(self._head.t_ns + self._horizon_ns + 1)
+        self._snapshots = self._snapshots[-1:]
+        self._final = self._size
+        return Step(np.zeros(0, TRACK), self._take_smoothed(), self._changed())
+
+    # ---- rows in
+
+    def _insert(self, new: np.ndarray) -> np.ndarray:
+        """Put the good ones of ``new`` in order; returns the verdicts (k,) VERDICT on the others."""
+        known = (new["sensor"] >= 0) & (new["sensor"] < len(self.sensors))
+        known[known] = np.isfinite(self.model.variance[new["sensor"][known], new["channel"][known]])
+        finite = np.isfinite(new["value"])
+        in_time = new["t_ns"] >= self._snapshots[0].boundary_ns
+        reason = np.select(
+            [~known, ~finite, ~in_time],
+            [outlier.NO_CHANNEL, outlier.NOT_FINITE, outlier.TOO_OLD],
+            outlier.NONE,
+        )
+        good = new[reason == outlier.NONE]
+        if len(good) and self._done and good["t_ns"].min() <= self._rows.t[self._done - 1]:
+            first = good["t_ns"].min()
+            while self._snapshots[-1].boundary_ns > first:
+                self._snapshots.pop()
+            self._rewind(self._snapshots[-1])
+        twice = self._merge(good)
+        refused = np.concatenate([new[reason != outlier.NONE], twice])
+        reason = np.concatenate([reason[reason != outlier.NONE], np.full(len(twice), outlier.TWICE)])
+        out = np.zeros(len(refused), VERDICT)
+        out["id"], out["reason"], out["final"] = refused["id"], reason, True
+        out["predicted"] = out["sigma"] = np.nan
+        out["verdict"] = np.select(
+            [reason == outlier.TWICE, reason == outlier.TOO_OLD], [DUPLICATE, LATE], INVALID
+        )
+        return out
+
+    def _merge(self, good: np.ndarray) -> np.ndarray:
+        """Sort ``good`` in among the rows not yet done; returns those that were there already."""
+        size = self._size + len(good)
+        while size > len(self._rows.t):
+            self._rows = Rows(*(np.concatenate([c, np.zeros_like(c)]) for c in self._rows))
+        new = slice(self._size, size)
+        for name, field in (
+            ("id", "id"),
+            ("t", "t_ns"),
+            ("sensor", "sensor"),
+            ("channel", "channel"),
+            ("value", "value"),
+        ):
+            getattr(self._rows, name)[new] = good[field]
+        self._rows.told[new] = -1
+        tail = slice(self._done, size)
+        t, sensor, channel = (getattr(self._rows, name)[tail] for name in ("t", "sensor", "channel"))
+        order = np.lexsort((channel, sensor, t))
+        t, sensor, channel = t[order], sensor[order], channel[order]
+        same = np.zeros(len(order), bool)
+        same[1:] = (t[1:] == t[:-1]) & (sensor[1:] == sensor[:-1]) & (channel[1:] == channel[:-1])
+        twice = np.zeros(same.sum(), ROW)
+        twice["id"] = self._rows.id[tail][order[same]]
+        order = order[~same]
+        self._size = self._done + len(order)
+        for column in self._rows:
+            column[self._done : self._size] = column[tail][order]
+        return twice
+
+    def _rewind(self, to: Snapshot) -> None:
+        """Go on from a snapshot."""
+        self._boundary_ns, self._done, self._decided = to.boundary_ns, to.size, to.decided
+        self._anchor = to.anchor and to.anchor.copy()
+        self._head = to.head and to.head.copy()
+        for name, column in zip(JUDGED, to.judged, strict=False):
+            getattr(self._rows, name)[to.decided : to.size] = column
+        self._tally, self._resets = to.tally.copy(), to.resets
+
+    # ---- one epoch, one cell
+
+    def _epoch(self) -> bool:
+        """Take the next epoch's rows into the head; False while there is no state."""
+        begin, rows = self._done, self._rows
+        t_ns = rows.t[begin]
+        end = begin + int(np.searchsorted(rows.t[begin : self._size], t_ns, side="right"))
+        if self._head is None:
+            return self._begin(end)
+        cell_ns = t_ns // self._cell_ns * self._cell_ns
+        if cell_ns > self._boundary_ns:
+            self._close(cell_ns)
+        head, s = self._head, self.settings
+        decide.admit(
+            self.model,
+            rows,
+            begin,
+            end,
+            head.x,
+            head.P,
+            head.t_ns,
+            head.run,
+            s.soft,
+            s.hard,
+            self._out,
+            self._work,
+        )
+        outlier.label(rows.sensor, rows.channel, rows.weight, rows.verdict, rows.reason, begin, end, head.run)
+        self._head = head._replace(t_ns=int(t_ns))
+        self._done = end
+        return True
+
+    def _begin(self, end: int) -> bool:
+        """Start from the first fix that the last second's rows give; older rows get no state."""
+        rows = self._rows
+        first = int(np.searchsorted(rows.t[:end], rows.t[end - 1] - START_NS))
+        fixes = start.fixes(
+            self.model, rows.sensor[first:end], rows.channel[first:end], rows.value[first:end]
+        )
+        self._decided = first
+        rows.verdict[:first], rows.reason[:first], rows.weight[:first] = INVALID, outlier.NO_STATE, 0.0
+        self._done = first if fixes else end
+        if fixes:
+            x, P = start.state(self.model, *fixes[0])
+            self._anchor = Moment(
+                int(rows.t[first]), x, P, np.zeros((len(self.sensors), len(CHANNELS)), np.int64)
+            )
+            self._head = self._anchor.copy()
+            self._marks = [(first, self._anchor.copy())]
+            self._boundary_ns = rows.t[first] // self._cell_ns * self._cell_ns
+        return False
+
+    def _close(self, boundary_ns: int) -> None:
+        """End the cell: decide again, move the anchor, take a snapshot."""
+        rows, begin, end, s = self._rows, self._decided, self._done, self.settings
+        if s.horizon_s > 0:
+            self._redecide(begin, end)
+        cut = begin + int(np.searchsorted(rows.t[begin:end], boundary_ns - self._horizon_ns))
+        left = self._leave(begin, cut)
+        self._boundary_ns, self._decided = boundary_ns, cut
+        judged = tuple(getattr(rows, name)[cut:end].copy() for name in JUDGED)
+        self._snapshots.append(
+            Snapshot(
+                boundary_ns,
+                end,
+                cut,
+                self._anchor.copy(),
+                self._head.copy(),
+                judged,
+                self._tally.copy(),
+                self._resets,
+                left,
+            )  # fmt: skip
+        )
+        while len(self._snapshots) > 1 and self._snapshots[1].boundary_ns <= boundary_ns - self._lateness_ns:
+            self._snapshots.pop(0)
+            self._smoothed.append(self._snapshots[0].left)
+            self._final = self._snapshots[0].decided
+            self._mark(self._snapshots[0])
+
+    def _mark(self, snapshot: Snapshot) -> None:
+        """Remember about every second where `smooth` can start its way ahead."""
+        if snapshot.anchor.t_ns >= self._marks[-1][1].t_ns + MARK_NS:
+            self._marks.append((snapshot.decided, snapshot.anchor))
+
+    def _redecide(self, begin: int, end: int) -> None:
+        """Weigh all rows of the window again; the head follows."""
+        n, s = len(self.model.prior), self.settings
+        if end - begin > len(self._out.v):
+            self._out = windows.trace(2 * (end - begin), n, 256)
+        head, anchor = self._head, self._anchor
+        decide.redecide(
+            self.model, self._rows, begin, end, anchor.x, anchor.P, anchor.t_ns, s.soft, s.hard,
+            head.x, head.P, self._out, self._work, self._r, self._N,
+        )  # fmt: skip
+        head.run[:] = anchor.run
+        rows = self._rows
+        outlier.label(rows.sensor, rows.channel, rows.weight, rows.verdict, rows.reason, begin, end, head.run)
+
+    def _leave(self, begin: int, cut: int) -> np.ndarray:
+        """Decide rows ``begin`` to ``cut`` for good: the anchor passes them; returns their smoothed track."""
+        rows, anchor = self._rows, self._anchor
+        left = self._left(begin, cut)
+        used = rows.weight[begin:cut] > 0
+        where = (rows.sensor[begin:cut], rows.channel[begin:cut])
+        np.add.at(self._tally[..., 0], where, used)
+        np.add.at(self._tally[..., 1], where, np.where(used, rows.nis[begin:cut], 0.0))
+        np.add.at(self._tally[..., 2], where, ~used)
+        if cut > begin:
+            t_ns = windows.ahead(
+                self.model, rows.t, rows.sensor, rows.channel, rows.value, rows.weight, begin, cut,
+                anchor.x, anchor.P, anchor.t_ns, self._out, self._work,
+            )  # fmt: skip
+            self._anchor = anchor._replace(t_ns=int(t_ns))
+            part = (
+                c[begin:cut].copy()
+                for c in (rows.sensor, rows.channel, rows.weight, rows.verdict, rows.reason)
+            )
+            outlier.label(*part, 0, cut - begin, anchor.run)
+        return left
+
+    # ---- what goes out
+
+    def _left(self, begin: int, cut: int) -> np.ndarray:
+        """Smoothed track (k,) TRACK of the epochs among rows ``begin`` to ``cut``, from the last re-decision."""
+        if self.settings.horizon_s == 0:
+            return np.zeros(0, TRACK)
+        t = self._rows.t[begin:cut]
+        first = np.flatnonzero(np.diff(t, prepend=LONG_AGO_NS))
+        first = first[first < len(self._out.x)]
+        return self._tracks(t[first], self._out.x[first], self._out.P[first])
+
+    def _tracks(self, t_ns, x, P) -> np.ndarray:
+        track = np.zeros(len(t_ns), TRACK)
+        track["t_ns"], track["x"], track["P"] = t_ns, x[:, :CORE], P[:, :CORE, :CORE]
+        sigma_m = np.sqrt(np.trace(P[:, :3, :3], axis1=1, axis2=2))
+        track["quality"] = np.round(100.0 / (1.0 + sigma_m / HALF_QUALITY_M))
+        track["reset_counter"] = self._resets
+        return track
+
+    def _take_smoothed(self) -> np.ndarray:
+        smoothed = np.concatenate([np.zeros(0, TRACK), *self._smoothed])
+        self._smoothed = []
+        return smoothed
+
+    def _changed(self) -> np.ndarray:
+        """Verdicts that are new, changed or now final."""
+        rows, begin = self._rows, self._told
+        final = np.arange(begin, self._done) < self._final
+        k = begin + np.flatnonzero(
+            final | (rows.verdict[begin : self._done] != rows.told[begin : self._done])
+        )
+        out = np.zeros(len(k), VERDICT)
+        for name in ("id", "predicted", "sigma", "weight", "verdict", "reason"):
+            out[name] = getattr(rows, name)[k]
+        out["final"] = k < self._final
+        rows.told[k] = rows.verdict[k]
+        self._told = self._final
+        return out
+
+    def report(self) -> dict:
+        """Evidence so far, ready for JSON: NIS per channel, systematic errors, counts, resets."""
+        x, P = (self._head.x, self._head.P) if self._head else (np.zeros(0), np.zeros((0, 0)))
+        return reports.report(self.sensors, self.model, x, P, self._tally, self._reset_log)
+
+    def smooth(self) -> np.ndarray:
+        """Best estimate of trajectory (k,) TRACK: ahead and back over the whole flight, with final weights."""
+        rows, model, n = self._rows, self.model, len(self.model.prior)
+        r, N = np.zeros(n), np.zeros((n, n))
+        parts, end = [], self._size
+        for begin, mark in reversed(self._marks):
+            if begin == end:
+                continue
+            out = windows.trace(end - begin, n, end - begin)
+            x, P = mark.x.copy(), mark.P.copy()
+            columns = (rows.t, rows.sensor, rows.channel, rows.value, rows.weight)
+            windows.ahead(model, *columns, begin, end, x, P, mark.t_ns, out, self._work)
+            windows.back(
+                model, rows.t, rows.sensor, rows.channel, rows.weight, begin, end, out, r, N, self._work
+            )
+            motion.pull_back(r, N, (rows.t[begin] - mark.t_ns) * 1e-9, model.rate)
+            first = np.flatnonzero(np.diff(rows.t[begin:end], prepend=LONG_AGO_NS))
+            parts.append(self._tracks(rows.t[begin + first], out.x[first], out.P[first]))
+            end = begin
+        return np.concatenate([np.zeros(0, TRACK), *parts[::-1]])

@@ -1,0 +1,65 @@
+"""The judgement of one value: how far off, how much weight, and the word for it.
+
+Weights follow IGG-III (Yang 1994; the robust adaptive filter of the wind papers uses the same): full weight up
+to SOFT sigma, then (SOFT/u) ((HARD − u)/(HARD − SOFT))², nothing from HARD on.
+"""
+
+from numba import njit
+
+from filters.rows import DEWEIGHTED, ISOLATED, PATCH, USED
+
+HARD = 4.5  # sigmas; a normal value is beyond once in 150,000, an outlier of 6 sigma is inside once in 15
+SOFT = 3.5  # sigmas; between the two a value keeps part of its weight, so that a decision does not flip
+AFTER = 3.0  # sigmas allowed to a value whose predecessor was an outlier: they come in runs
+RUN = 3  # consecutive outliers of one channel make a patch
+
+REASONS = (
+    "",
+    "innovation",  # too far from what everything else says
+    "run",  # one of RUN or more consecutive ones
+    "ambiguous",  # no third witness tells which side is right
+    "not a number",
+    "sensor has no such channel",
+    "same time and channel twice",
+    "older than the window",
+    "no state yet",
+)
+NONE, INNOVATION, IN_RUN, AMBIGUOUS, NOT_FINITE, NO_CHANNEL, TWICE, TOO_OLD, NO_STATE = range(len(REASONS))
+
+
+@njit(cache=True)
+def weight(u, soft, hard):
+    """IGG-III weight, 0 … 1, of a value ``u`` sigmas off."""
+    u = abs(u)
+    if u <= soft:
+        return 1.0
+    if u >= hard:
+        return 0.0
+    return (soft / u) * ((hard - u) / (hard - soft)) ** 2
+
+
+@njit(cache=True)
+def label(sensor, channel, weight, verdict, reason, begin, end, run):
+    """Name what was done with rows ``begin`` to ``end`` by their weights; fills ``verdict`` and ``reason``.
+
+    ``run`` (s, 13) counts each channel's consecutive outliers up to ``begin``; moved on to ``end``, in place.
+    """
+    for i in range(begin, end):
+        s, c = sensor[i], channel[i]
+        if weight[i] > 0.0:
+            run[s, c] = 0
+            verdict[i] = USED if weight[i] >= 1.0 else DEWEIGHTED
+            reason[i] = NONE if weight[i] >= 1.0 else INNOVATION
+            continue
+        run[s, c] += 1
+        verdict[i], reason[i] = ISOLATED, INNOVATION
+        if run[s, c] < RUN:
+            continue
+        left, k = run[s, c], i
+        while left > 0 and k >= begin:
+            if sensor[k] == s and channel[k] == c:
+                left -= 1
+                if verdict[k] == PATCH:
+                    left = 0
+                verdict[k], reason[k] = PATCH, IN_RUN
+            k -= 1

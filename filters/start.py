@@ -1,0 +1,83 @@
+"""Where to begin: one fix out of a handful of rows, with nothing known before.
+
+A fix is an INS position, or range, azimuth and elevation of one instrument, or azimuth and elevation of two.
+It only places the start of the filter, with ten times its own uncertainty: the rows behind it are then
+filtered like all others, so that nothing is lost and nothing counts twice by more than one percent.
+"""
+
+import numpy as np
+
+from filters.rows import AZIMUTH, ELEVATION, RANGE, E, N, U
+
+WIDER = 10.0
+SPEED_SIGMA_MPS = 30.0  # per axis: any UAV
+ACCELERATION_SIGMA_MPS2 = 10.0
+
+
+def fixes(model, sensor, channel, value) -> list[tuple[np.ndarray, float]]:
+    """Every (position (3,) station ENU, 1-sigma m) that the rows allow, the surest first.
+
+    ``sensor, channel, value`` (k,) are rows close together in time. Of repeated ones the last counts.
+    """
+    said = {(int(s), int(c)): float(v) for s, c, v in zip(sensor, channel, value, strict=True)}
+    found, rays = [], []
+    for s in range(len(model.is_ins)):
+        if all((s, c) in said for c in (E, N, U)):
+            zero = [model.prior[model.bias_at[s, c]] if model.bias_at[s, c] >= 0 else 0.0 for c in (E, N, U)]
+            sigma = np.sqrt(np.max(model.variance[s, [E, N, U]] + zero))
+            found.append((np.array([said[s, c] for c in (E, N, U)]), sigma))
+        elif (s, AZIMUTH) in said and (s, ELEVATION) in said:
+            ray = _ray(model, s, said[s, AZIMUTH], said[s, ELEVATION])
+            if (s, RANGE) in said:
+                found.append(_along(model, s, ray, said[s, RANGE]))
+            rays.append((s, ray))
+    for i, (a, ray_a) in enumerate(rays):
+        for b, ray_b in rays[:i]:
+            found += _crossing(model, a, ray_a, b, ray_b)
+    return sorted(found, key=lambda fix: fix[1])
+
+
+def _ray(model, s, azimuth, elevation):
+    """Unit vector of the line of sight, station ENU."""
+    flat = np.cos(elevation)
+    local = np.array([flat * np.sin(azimuth), flat * np.cos(azimuth), np.sin(elevation)])
+    return model.rotation[s].T @ local
+
+
+def _angle_variance(model, s):
+    zero = [
+        model.prior[model.bias_at[s, c]] if model.bias_at[s, c] >= 0 else 0.0 for c in (AZIMUTH, ELEVATION)
+    ]
+    return np.max(model.variance[s, [AZIMUTH, ELEVATION]] + zero)
+
+
+def _along(model, s, ray, distance):
+    zero = model.prior[model.bias_at[s, RANGE]] if model.bias_at[s, RANGE] >= 0 else 0.0
+    variance = model.variance[s, RANGE] + zero + distance**2 * _angle_variance(model, s)
+    return model.offset[s] + distance * ray, float(np.sqrt(variance))
+
+
+def _crossing(model, a, ray_a, b, ray_b):
+    """The point nearest to both lines of sight, unless they are all but parallel or meet behind."""
+    base, cosine = model.offset[b] - model.offset[a], ray_a @ ray_b
+    sine2 = 1.0 - cosine**2
+    if sine2 < 1e-4:
+        return []
+    along_a = (base @ ray_a - cosine * (base @ ray_b)) / sine2
+    along_b = (cosine * (base @ ray_a) - base @ ray_b) / sine2
+    if along_a <= 0.0 or along_b <= 0.0:
+        return []
+    variance = along_a**2 * _angle_variance(model, a) + along_b**2 * _angle_variance(model, b)
+    middle = (model.offset[a] + along_a * ray_a + model.offset[b] + along_b * ray_b) / 2
+    return [(middle, float(np.sqrt(variance / sine2)))]
+
+
+def state(model, position, sigma) -> tuple[np.ndarray, np.ndarray]:
+    """State (n,) and covariance (n, n) around a fix: at rest, with an open mind about speed."""
+    n = len(model.prior)
+    x, P = np.zeros(n), np.diag(model.prior)
+    x[:3] = position
+    P[range(3), range(3)] = (WIDER * sigma) ** 2
+    P[range(3, 6), range(3, 6)] = SPEED_SIGMA_MPS**2
+    P[range(6, 9), range(6, 9)] = ACCELERATION_SIGMA_MPS2**2
+    return x, P

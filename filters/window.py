@@ -1,0 +1,165 @@
+"""One pass ahead and one pass back over rows: the filter, the smoother and the verdict of all rows on each.
+
+Ahead: scalar sequential updates. Back: the modified Bryson-Frazier recursion in de Jong's form, which needs no
+inverse: r and N carry what the later rows say, x_smooth = x + P r, P_smooth = P − P N P.
+Sources: Bierman 1973 (*Fixed interval smoothing with discrete measurements*); de Jong 1989 (*Smoothing and
+interpolation with the state-space model*); de Jong & Penzer 1998 for the deletion residual: with
+e = v/S − Kᵀr and D = 1/S + KᵀNK, the residual of a row from all *others* is e/D, of variance 1/D.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from filters.model import SLOTS, predict_row
+from filters.motion import CORE, predict, pull_back
+from filters.unscented import difference
+
+
+class Trace(NamedTuple):
+    """What the pass ahead leaves for the pass back, per row, and what the pass back finds."""
+
+    index: np.ndarray  # (k, SLOTS) where the row's gradient is not zero
+    gain: np.ndarray  # (k, SLOTS) the gradient there
+    count: np.ndarray  # (k,) how many
+    m: np.ndarray  # (k, n) P h
+    v: np.ndarray  # (k,) innovation
+    S: np.ndarray  # (k,) its variance at full weight
+    off: np.ndarray  # (k,) value minus what all other rows predict
+    sigma: np.ndarray  # (k,) 1-sigma of that
+    x: np.ndarray  # (k, n) at the first row of each epoch: state before it, after the pass back smoothed
+    P: np.ndarray  # (k, n, n) the same for the covariance; fewer entries keep fewer epochs
+
+
+def trace(rows: int, n: int, keep: int) -> Trace:
+    """Room for ``rows`` rows and ``n`` states, smoothed states for the first ``keep`` of the rows."""
+    f = np.zeros
+    return Trace(
+        f((rows, SLOTS), np.int64), f((rows, SLOTS)), f(rows, np.int64), f((rows, n)), f(rows), f(rows), f(rows),
+        f(rows), f((keep, n)), f((keep, n, n)),
+    )  # fmt: skip
+
+
+def scratch(n: int) -> np.ndarray:
+    """Working space of `ahead` and `back` for ``n`` states."""
+    return np.zeros((16, n))
+
+
+@njit(cache=True, fastmath=True)
+def update(x, P, m, v, S):
+    """Condition ``x`` and ``P`` on one innovation, in place: ``m`` = P h, ``S`` its variance with noise."""
+    n = x.size
+    scale = 1.0 / np.sqrt(S)
+    for i in range(n):
+        x[i] += m[i] * (v / S)
+        s = m[i] * scale
+        for j in range(n):
+            P[i, j] -= s * (m[j] * scale)
+
+
+@njit(cache=True, fastmath=True)
+def ahead(model, t, sensor, channel, value, weight, begin, end, x, P, t_ns, out, work):
+    """Filter rows ``begin`` to ``end``, in place from ``x``, ``P`` at ``t_ns``; returns the time reached."""
+    n = x.size
+    for i in range(begin, end):
+        k = i - begin
+        if t[i] != t_ns or k == 0:
+            predict(x, P, (t[i] - t_ns) * 1e-9, model.jerk_psd, model.rate, model.prior)
+            t_ns = t[i]
+            if k < out.x.shape[0]:
+                for a in range(n):
+                    out.x[k, a] = x[a]
+                    for b in range(n):
+                        out.P[k, a, b] = P[a, b]
+        s, c = sensor[i], channel[i]
+        m = out.m[k]
+        seen, variance, out.count[k] = predict_row(model, s, c, x, P, out.index[k], out.gain[k], m, work)
+        noise = model.variance[s, c]
+        out.v[k] = difference(c, value[i], seen)
+        out.S[k] = variance + noise
+        if weight[i] > 0.0:
+            update(x, P, m, out.v[k], variance + noise / weight[i])
+    return t_ns
+
+
+@njit(cache=True, fastmath=True)
+def back(model, t, sensor, channel, weight, begin, end, out, r, N, work):
+    """Hold every row against all others; ``r`` (n,), ``N`` (n, n) say what came after ``end``, in place.
+
+    Fills ``out.off`` and ``out.sigma``, and smooths the states that ``out`` keeps. ``work`` as from `scratch`.
+    """
+    n, Nm = r.size, work[0]
+    for i in range(end - 1, begin - 1, -1):
+        k = i - begin
+        m, v, S = out.m[k], out.v[k], out.S[k]
+        mr = mNm = 0.0
+        for a in range(n):
+            s = 0.0
+            for b in range(n):
+                s += N[a, b] * m[b]
+            Nm[a] = s
+            mr += m[a] * r[a]
+            mNm += m[a] * s
+        if weight[i] > 0.0:
+            noise = model.variance[sensor[i], channel[i]]
+            S += noise / weight[i] - noise
+            e = (v - mr) / S
+            D = 1.0 / S + mNm / (S * S)
+            out.off[k] = e / D
+            out.sigma[k] = np.sqrt(1.0 / D - noise / weight[i] + noise)
+            _condense(out.index[k], out.gain[k], out.count[k], e, D, S, r, N, Nm)
+        else:
+            out.off[k] = v - mr
+            out.sigma[k] = np.sqrt(S - mNm)
+        if i == begin or t[i] != t[i - 1]:
+            if k < out.x.shape[0]:
+                _smooth(out.x[k], out.P[k], r, N, work[1:])
+            if i > begin:
+                pull_back(r, N, (t[i] - t[i - 1]) * 1e-9, model.rate)
+
+
+@njit(cache=True, fastmath=True)
+def _condense(index, gain, count, e, D, S, r, N, Nm):
+    """r ← r + h e;  N ← (I − K hᵀ)ᵀ N (I − K hᵀ) + h hᵀ / S, written as N − (Nm hᵀ + h Nmᵀ)/S + h hᵀ D."""
+    n = r.size
+    for p in range(count):
+        a, ga = index[p], gain[p]
+        r[a] += ga * e
+        for b in range(n):
+            N[a, b] -= ga * Nm[b] / S
+    for p in range(count):
+        a, ga = index[p], gain[p]
+        for b in range(n):
+            N[b, a] -= ga * Nm[b] / S
+        for q in range(count):
+            N[a, index[q]] += ga * gain[q] * D
+
+
+@njit(cache=True, fastmath=True)
+def _smooth(x, P, r, N, work):
+    """x + P r, and P − P N P in the core block, in place; ``work`` (CORE + 1, n) is scratch."""
+    n = r.size
+    row, loss = work[0], work[1:]
+    for a in range(n):
+        s = 0.0
+        for b in range(n):
+            s += P[a, b] * r[b]
+        row[a] = s
+    for a in range(n):
+        x[a] += row[a]
+    for a in range(CORE):
+        for b in range(n):
+            s = 0.0
+            for c in range(n):
+                s += P[a, c] * N[c, b]
+            row[b] = s
+        for b in range(a, CORE):
+            s = 0.0
+            for c in range(n):
+                s += row[c] * P[c, b]
+            loss[a, b] = s
+    for a in range(CORE):
+        for b in range(a, CORE):
+            P[a, b] -= loss[a, b]
+            P[b, a] = P[a, b]
