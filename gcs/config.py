@@ -1,6 +1,6 @@
 """The station file ``station.toml``: every setting, its default and its reason.
 
-A wrong station file raises ``StationError``: one line with the file, the line, what is wrong and, for a
+A wrong station file raises ``InputError``: one line with the file, the line, what is wrong and, for a
 name nobody knows, the names that are valid.
 """
 
@@ -13,16 +13,14 @@ import msgspec
 import tomli_w
 from msgspec import Meta
 
+from gcs.messages import InputError
+
 Name = Annotated[str, Meta(pattern=r"^[a-z0-9]([a-z0-9-]*[a-z0-9])?$")]
 Latitude = Annotated[float, Meta(ge=-90.0, le=90.0)]
 Longitude = Annotated[float, Meta(ge=-180.0, le=180.0)]
 Height = Annotated[float, Meta(ge=-1_000.0, le=100_000.0)]
 Sigma = Annotated[float, Meta(gt=0.0, le=1_000.0)]
 AngleSigma = Annotated[float, Meta(gt=0.0, le=10.0)]
-
-
-class StationError(ValueError):
-    """The station file cannot be used; the message is one line and says where and what to do."""
 
 
 class _Section(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, frozen=True):
@@ -133,25 +131,26 @@ class Station(_Section):
 def load(path: Path | None, overrides: list[str] = ()) -> Station:
     """The station in ``path`` (defaults for None) with ``KEY=VALUE`` overrides such as ``ins.height_m=2``.
 
-    Raises ``StationError``.
+    Raises ``InputError``.
     """
     text = "" if path is None else _read(path)
     where = "station" if path is None else str(path)
     try:
         tree = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise StationError(f"{where}: {error}; see README, section “Station file”") from None
+        what, line = re.fullmatch(r"(.*?)(?: \(at line (\d+), .*\))?", str(error)).groups()
+        raise InputError(f"{where}:{line or 1}: not TOML: {what[0].lower()}{what[1:]}") from None
     for override in overrides:
         _override(tree, override)
     try:
         station = msgspec.convert(tree, Station)
     except msgspec.ValidationError as error:
-        raise StationError(_explain(where, text, str(error))) from None
+        raise InputError(_explain(where, text, str(error))) from None
     names = [sensor.name for sensor in station.sensor]
     for name in names:
         if name == "ins" or names.count(name) > 1:
             line = _line_of(text, ["sensor", len(names) - 1 - names[::-1].index(name), "name"])
-            raise StationError(f"{where}:{line}: sensor name {name!r} is taken; give each its own")
+            raise InputError(f"{where}:{line}: sensor name {name!r} is taken; give each its own")
     return station
 
 
@@ -170,16 +169,16 @@ def _read(path: Path) -> str:
     try:
         return path.read_text(encoding="utf-8")
     except FileNotFoundError:
-        raise StationError(f"{path}: no such station file; name one with --station") from None
+        raise InputError(f"{path}: no such station file; name one with --station") from None
     except (OSError, UnicodeDecodeError) as error:
-        raise StationError(f"{path}: not a readable text file ({error})") from None
+        raise InputError(f"{path}: not a readable text file ({error})") from None
 
 
 def _override(tree: dict, override: str) -> None:
     """Set one dotted key; sensors go by name: ``sensor.theo-north.latency_s=0.1``."""
     key, equals, raw = override.partition("=")
     if not equals:
-        raise StationError(f"--config {override}: expected KEY=VALUE, such as ins.height_m=2.0")
+        raise InputError(f"--config {override}: expected KEY=VALUE, such as ins.height_m=2.0")
     try:
         value = tomllib.loads(f"x = {raw}")["x"]
     except tomllib.TOMLDecodeError:
@@ -188,12 +187,12 @@ def _override(tree: dict, override: str) -> None:
     if parts[0] == "sensor" and len(parts) > 2:
         sensors = {sensor.get("name"): sensor for sensor in tree.get("sensor", [])}
         if parts[1] not in sensors:
-            raise StationError(f"--config {override}: no sensor {parts[1]!r}; there are {_names(sensors)}")
+            raise InputError(f"--config {override}: no sensor {parts[1]!r}; there are {_names(sensors)}")
         node, parts = sensors[parts[1]], parts[2:]
     for part in parts[:-1]:
         node = node.setdefault(part, {})
         if not isinstance(node, dict):
-            raise StationError(f"--config {override}: {part!r} is no section")
+            raise InputError(f"--config {override}: {part!r} is no section")
     node[parts[-1]] = value
 
 
@@ -204,7 +203,8 @@ def _explain(where: str, text: str, error: str) -> str:
     unknown = re.search(r"unknown field `(.+?)`", what)
     if unknown:
         steps.append(unknown[1])
-        what = f"unknown name {unknown[1]!r}; valid names are {_names(f.name for f in _type_at(steps[:-1]).fields)}"
+        valid = _names(field.name for field in _type_at(steps[:-1]).fields)
+        what = f"unknown name {unknown[1]!r}; valid names are {valid}"
     elif what.startswith("Invalid enum"):
         what = f"{what[0].lower()}{what[1:]}; valid are {_names(_type_at(steps).values)}"
     else:
@@ -237,7 +237,9 @@ def _line_of(text: str, steps: list) -> int:
         inside = current == section and seen.get(current, 0) == nth
         if header and (inside or header[1] == key):
             found = number
-        elif (inside or (not current and key == section)) and re.search(rf"(^|[\s{{,]){re.escape(key)}\s*=", line):
+        elif (inside or (not current and key == section)) and re.search(
+            rf"(^|[\s{{,]){re.escape(key)}\s*=", line
+        ):
             return number
     return found
 

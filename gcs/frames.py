@@ -50,10 +50,10 @@ def ecef_to_enu(lat_deg: float, lon_deg: float) -> np.ndarray:
 
 def polar_to_enu(range_m, azimuth_rad, elevation_rad, offset_m, rotation) -> np.ndarray:
     """(n, 3) station ENU of what one instrument saw, its offset (3,) and rotation (3, 3) from ``place``."""
-    ground = range_m * np.cos(elevation_rad)
-    seen = np.stack(
-        [ground * np.sin(azimuth_rad), ground * np.cos(azimuth_rad), range_m * np.sin(elevation_rad)], axis=-1
-    )
+    with np.errstate(invalid="ignore"):  # a damaged value may be infinite: then there is no position
+        east, north = np.sin(azimuth_rad), np.cos(azimuth_rad)
+        level, up = np.cos(elevation_rad), np.sin(elevation_rad)
+        seen = np.asarray(range_m)[..., None] * np.stack([level * east, level * north, up], axis=-1)
     return offset_m + seen @ rotation
 
 

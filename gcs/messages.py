@@ -19,6 +19,10 @@ JSON = "application/json"
 MSGPACK = "application/msgpack"
 
 
+class InputError(ValueError):
+    """Input or settings that cannot be used. The message is one line: which file, where, what to do."""
+
+
 class _Message(msgspec.Struct, frozen=True, kw_only=True, tag_field="type"):
     """Base: immutable, keyword only, tagged by class name."""
 
@@ -98,7 +102,7 @@ class SensorHealth(msgspec.Struct, frozen=True, kw_only=True):
     """One sensor's part of ``Health``."""
 
     rate_hz: float
-    age_s: float
+    age_s: float | None  # None: nothing has come yet
     outlier_share: float  # of the rows of the last 10 s
     latency_s: float  # arrival minus validity, median of the last 10 s
     alive: bool  # liveliness token present; files are alive until their end
