@@ -106,7 +106,7 @@ class Ledger:
             wrapped = np.where(
                 entries["channel"] == CHANNELS.index("azimuth"), (off + 180.0) % 360.0 - 180.0, off
             )
-            sigmas = np.abs(wrapped) / entries["sigma"]
+            sigmas = np.where(entries["sigma"] > 0.0, np.abs(wrapped) / entries["sigma"], np.nan)
         return [
             f"{self.reasons[code]} ({far:.1f} sigma)" if code and far == far else self.reasons[code]
             for code, far in zip(entries["reason"].tolist(), sigmas.tolist(), strict=True)

@@ -1,0 +1,94 @@
+"""Health of the feeds: rates, ages and outlier shares over the last ten seconds of data, once a second."""
+
+from collections import deque
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from gcs.ledger import NO_TIME
+from gcs.messages import VERDICTS, Event, Health, SensorHealth
+from gcs.session import Update
+
+SPAN_NS = 10_000_000_000
+PERIOD_NS = 1_000_000_000
+SILENT_S = 2.0  # no data for this long is worth an operator's attention
+OUTLIERS = [VERDICTS.index(name) for name in ("isolated", "patch", "invalid")]
+
+
+class Monitor:
+    """Watches the verdicts go by. All times are the data's own."""
+
+    def __init__(
+        self,
+        sensors: list[str],
+        extras: Callable[[], dict] = dict,
+        latency_s: Callable[[str], float] = lambda _: 0.0,
+    ):
+        self.now_ns = 0
+        self._sensors, self._extras, self._latency_s = sensors, extras, latency_s
+        self._newest = dict.fromkeys(sensors, 0)
+        self._recent = {name: deque() for name in sensors}  # (t_ns, measurements, rows, outliers)
+        self._totals = {name: [0, 0] for name in sensors}
+        self._silent: set[str] = set()
+        self._next_ns = 0
+        self._resets = 0
+
+    def take(self, update: Update) -> Iterator[Health | Event]:
+        """Note an update; gives the messages that are due."""
+        self._count(update)
+        if len(update.track):
+            self.now_ns = int(update.track["t_ns"][-1])
+            yield from self._events(update)
+        if self.now_ns >= self._next_ns:
+            self._next_ns = self.now_ns + PERIOD_NS
+            yield Health(
+                t_ns=self.now_ns,
+                sensors={name: self._health(name) for name in self._sensors},
+                **self._extras(),
+            )
+
+    def ages_s(self, t_ns: int) -> dict[str, float]:
+        """Age of each sensor's newest measurement at ``t_ns``; silent sensors are left out."""
+        return {name: (t_ns - newest) / 1e9 for name, newest in self._newest.items() if newest}
+
+    def _count(self, update: Update) -> None:
+        judged = update.judged[update.judged["t_ns"] != NO_TIME]
+        for index in np.unique(judged["sensor"]).tolist():
+            name, rows = self._sensors[index], judged[judged["sensor"] == index]
+            newest = int(rows["t_ns"].max())
+            fresh = rows[rows["t_ns"] > self._newest[name]]  # a changed verdict is not counted twice
+            if not len(fresh):
+                continue
+            self._newest[name] = newest
+            outliers = int(np.isin(fresh["verdict"], OUTLIERS).sum())
+            self._recent[name].append((newest, len(np.unique(fresh["measurement"])), len(fresh), outliers))
+            self._totals[name][0] += len(fresh)
+            self._totals[name][1] += outliers
+
+    def _health(self, name: str) -> SensorHealth:
+        recent = self._recent[name]
+        while recent and recent[0][0] < self.now_ns - SPAN_NS:
+            recent.popleft()
+        _, measurements, rows, outliers = np.sum(recent, axis=0) if recent else (0, 0, 0, 0)
+        age_s = (self.now_ns - self._newest[name]) / 1e9 if self._newest[name] else None
+        return SensorHealth(
+            rate_hz=float(measurements) / (SPAN_NS / 1e9),
+            age_s=age_s,
+            outlier_share=float(outliers) / rows if rows else 0.0,
+            latency_s=self._latency_s(name),
+            alive=age_s is not None and age_s < SILENT_S,
+            rows=self._totals[name][0],
+            outliers=self._totals[name][1],
+        )
+
+    def _events(self, update: Update) -> Iterator[Event]:
+        resets = int(update.track["reset_counter"][-1])
+        if resets > self._resets:
+            yield Event(t_ns=self.now_ns, level="warning", text=f"filter re-initialised, {resets} so far")
+        self._resets = resets
+        silent = {name for name, age in self.ages_s(self.now_ns).items() if age > SILENT_S}
+        for name in sorted(silent - self._silent):
+            yield Event(t_ns=self.now_ns, level="warning", text=f"{name} is silent")
+        for name in sorted(self._silent - silent):
+            yield Event(t_ns=self.now_ns, level="info", text=f"{name} is back")
+        self._silent = silent

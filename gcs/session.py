@@ -1,0 +1,105 @@
+"""The loop, the same for live and replay.
+
+measurements → intake → align → estimator → ledger → sinks
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from filters import estimator, outlier
+from gcs.align import Align
+from gcs.config import Station
+from gcs.frames import Frame
+from gcs.intake import Batch, Intake, sensors_of
+from gcs.ledger import Ledger
+from gcs.messages import InputError
+
+FOREVER_NS = np.iinfo(np.int64).max
+
+
+class Update(NamedTuple):
+    """What one turn of the loop brought, for the sinks."""
+
+    track: np.ndarray  # (k,) TRACK, causal, one per epoch
+    smoothed: np.ndarray  # (m,) TRACK, decisions final
+    judged: np.ndarray  # (v,) ENTRY whose verdict is new or has changed
+    retired: np.ndarray  # (r,) ENTRY, final, in order of arrival
+    ledger: Ledger  # gives names and ``reason_texts``
+
+
+class Sink(Protocol):
+    """Takes updates. ``close``, called once, gets the summary and the best estimate of trajectory, (n,) TRACK."""
+
+    def take(self, update: Update) -> None: ...
+
+    def close(self, summary: dict, best: np.ndarray) -> None: ...
+
+
+class Session:
+    """One flight, from its first measurement to its summary."""
+
+    def __init__(self, station: Station, frame: Frame, sinks: Sequence[Sink], method: str = "default"):
+        self.sensors = sensors_of(station, frame)
+        self.ledger = Ledger([sensor.name for sensor in self.sensors], outlier.REASONS)
+        self.intake = Intake(station, frame, self.ledger)
+        self.align = Align(station.align.hold_s)
+        self.estimator = _make_estimator(method, self.sensors, station)
+        self.sinks = sinks
+        self._judged: list[np.ndarray] = []
+
+    def enter(self, batch: Batch, arrival_ns: int | None = None) -> None:
+        """Take measurements in; ``arrival_ns`` where they came live."""
+        rows, invalid = self.intake.enter(batch)
+        self._judged.append(invalid)
+        self.align.add(rows, arrival_ns)
+
+    def advance(self, upto_ns: int) -> None:
+        """One turn of the loop, over everything valid up to ``upto_ns``."""
+        rows, repeats = self.align.release(upto_ns)  # one time-ordered stream
+        self._judged.append(
+            self.ledger.dismiss(
+                repeats, "duplicate", self.ledger.reason("this channel already has a value at this time")
+            )
+        )
+        self._hand_on(self.estimator.step(rows))  # state and verdicts
+
+    def finish(self, about: dict) -> dict:
+        """Take in what still waits, make every verdict final, and give each sink the summary.
+
+        ``about`` is what only the source knows, such as the log's damage; it joins the summary.
+        """
+        self.advance(FOREVER_NS)
+        self._hand_on(self.estimator.finish())
+        summary, best = about | self.summary(), self.estimator.smooth()
+        for sink in self.sinks:
+            sink.close(summary, best)
+        return summary
+
+    def summary(self) -> dict:
+        """Counts by verdict of every sensor and channel, and the estimator's own report."""
+        return {
+            "verdicts": self.ledger.count_table(),
+            "height": {"geoid_separation_from": self.intake.separation_source},
+            "estimator": self.estimator.report(),
+        }
+
+    def _hand_on(self, step) -> None:
+        ids = np.concatenate([*self._judged, self.ledger.judge(step.verdicts)])
+        self._judged.clear()
+        judged = self.ledger.at(ids)
+        update = Update(step.track, step.smoothed, judged, self.ledger.retire(), self.ledger)
+        for sink in self.sinks:
+            sink.take(update)
+
+
+def _make_estimator(method: str, sensors: list, station: Station):
+    try:
+        return estimator.make(method, sensors, estimator.Settings(**station.filter))
+    except TypeError:
+        valid = estimator.Settings._fields
+        unknown = ", ".join(sorted(set(station.filter) - set(valid)))
+        raise InputError(f"[filter]: unknown name {unknown}; valid names are {', '.join(valid)}") from None
+    except ValueError as error:
+        raise InputError(str(error)) from None
