@@ -1,0 +1,259 @@
+"""The command ``gcs``.
+
+Exit codes: 0 done, 1 the run failed, 2 wrong usage or input (one line on stderr, no traceback).
+"""
+
+import signal
+import sys
+import threading
+from pathlib import Path
+from typing import Annotated, Literal
+
+from cyclopts import App, CycloptsError, Parameter
+
+from gcs import __version__
+from gcs.messages import InputError
+
+app = App(name="gcs", version=__version__, help="Flight-test trajectory measurement: where was it really?")
+bridge = App(name="bridge", help="One bridge alone, on whichever machine the instrument hangs on.")
+app.command(bridge)
+
+StationFile = Annotated[
+    Path | None, Parameter(help="station.toml; needed as soon as there are ground sensors")
+]
+Feeds = Annotated[
+    tuple[str, ...], Parameter(consume_multiple=True, negative="", help="NAME=FILE.csv, one per instrument")
+]
+Config = Annotated[
+    tuple[str, ...],
+    Parameter(consume_multiple=True, negative="", help="KEY=VALUE, any setting: ins.height_m=1.5"),
+]
+
+
+def main() -> None:
+    """Entry point."""
+    try:
+        app(exit_on_error=False, print_error=False)
+    except CycloptsError as error:
+        _refuse(" ".join(str(error).split()) + "; see gcs --help")
+    except InputError as error:
+        _refuse(str(error))
+
+
+@app.command
+def replay(
+    flight: Path,
+    *,
+    station: StationFile = None,
+    feed: Feeds = (),
+    speed: Annotated[str, Parameter(help="times real time, such as 1 or 10, or max")] = "max",
+    out: Annotated[Path | None, Parameter(help="run folder; logs/runs/<start of flight> by default")] = None,
+    view: Annotated[
+        bool, Parameter(negative="", help="show it in the browser, with playback controls")
+    ] = False,
+    publish: Annotated[bool, Parameter(negative="", help="publish the cleaned state on the bus")] = False,
+    method: Annotated[str, Parameter(help="named estimator")] = "default",
+    config: Config = (),
+) -> None:
+    """After the flight: a tlog and ground-sensor feeds in, trajectory and verdicts out."""
+    from contextlib import ExitStack
+
+    from gcs import config as configuration
+    from gcs import replay as driver
+    from gcs.console import say
+    from gcs.record import stamp
+    from gcs.sinks import new_session, open_bus, open_view, targets
+
+    resolved = configuration.load(station, config)
+    loaded = driver.load(flight, resolved, _feed_paths(feed))
+    folder = out or Path("logs/runs") / stamp(loaded.start_ns)
+    playback = driver.Playback(loaded.start_ns, loaded.end_ns, _speed(speed))
+    with ExitStack() as stack:
+        bus = stack.enter_context(open_bus(resolved)) if publish else None
+        shown = open_view(resolved, loaded.frame, playback) if view else None
+        if shown:
+            stack.callback(shown.close)
+            say(f"view: {shown.url}   (Ctrl-C ends)")
+
+        def session():
+            if shown:
+                shown.clear()
+            return new_session(resolved, loaded.frame, folder, method, targets(bus, shown))
+
+        _on_signal(playback.stop)
+        summary = driver.run(loaded, session, playback, stay=view)
+    say(f"run folder: {folder}")
+    if not summary["complete"] and not view:
+        say("stopped before the end of the flight")
+        sys.exit(1)
+
+
+@app.command
+def run(
+    *,
+    station: Path,
+    out: Annotated[Path | None, Parameter(help="run folder; logs/runs/<now> by default")] = None,
+    view: Annotated[bool, Parameter(help="show it in the browser")] = True,
+    method: Annotated[str, Parameter(help="named estimator")] = "default",
+    seconds: Annotated[float | None, Parameter(help="end after so long")] = None,
+    config: Config = (),
+) -> None:
+    """Live: MAVLink and ground sensors in over the bus, cleaned state out, view, recording."""
+    from gcs import config as configuration
+    from gcs.station import serve
+
+    serve(configuration.load(station, config), out, view, method, _stopped_after(seconds))
+
+
+@app.command
+def demo(
+    *,
+    seconds: Annotated[
+        float | None, Parameter(help="end after so long; runs until stopped by default")
+    ] = None,
+    view: Annotated[bool, Parameter(help="show it in the browser")] = True,
+    out: Annotated[Path | None, Parameter(help="run folder; logs/runs/<now> by default")] = None,
+    config: Config = (),
+) -> None:
+    """The sample flight with theodolites and a radar, live through Zenoh, in the browser."""
+    from gcs import demo as demonstration
+
+    demonstration.run(_stopped_after(seconds), view, out, config)
+
+
+@app.command
+def doctor(*, station: StationFile = None, config: Config = ()) -> None:
+    """Check Python, packages, station file, ports, router and clock before a flight."""
+    from gcs import doctor as checks
+
+    sys.exit(0 if checks.run(station, config) else 1)
+
+
+@bridge.command
+def mavlink(
+    *,
+    station: Path,
+    link: Annotated[
+        str | None, Parameter(help="any pymavlink address; the station file's by default")
+    ] = None,
+    config: Config = (),
+) -> None:
+    """An autopilot's MAVLink, listen-only, onto the bus as ``raw/ins``."""
+    from bridges import mavlink as source
+    from gcs import config as configuration
+
+    resolved = configuration.load(station, config)
+    stop = _stopped_after(None)
+    with _bridge_bus(resolved) as bus:
+        source.run(link or resolved.mavlink.link, resolved.vehicle.system_id, bus, stop)
+
+
+@bridge.command
+def theodolite(
+    name: str,
+    *,
+    station: Path,
+    udp: Annotated[str | None, Parameter(help="HOST:PORT to listen on for JSON lines")] = None,
+    file: Annotated[Path | None, Parameter(help="a feed file, played at its own pace")] = None,
+    speed: float = 1.0,
+    config: Config = (),
+) -> None:
+    """One theodolite onto the bus as ``raw/NAME``."""
+    _instrument("theodolite", name, station, udp, file, speed, config)
+
+
+@bridge.command
+def radar(
+    name: str,
+    *,
+    station: Path,
+    udp: Annotated[str | None, Parameter(help="HOST:PORT to listen on for JSON lines")] = None,
+    file: Annotated[Path | None, Parameter(help="a feed file, played at its own pace")] = None,
+    speed: float = 1.0,
+    config: Config = (),
+) -> None:
+    """One radar onto the bus as ``raw/NAME``."""
+    _instrument("radar", name, station, udp, file, speed, config)
+
+
+def _instrument(
+    kind: Literal["theodolite", "radar"],
+    name: str,
+    station: Path,
+    udp: str | None,
+    file: Path | None,
+    speed,
+    config,
+) -> None:
+    from bridges import radar, theodolite
+    from gcs import config as configuration
+
+    resolved = configuration.load(station, config)
+    known = [sensor.name for sensor in resolved.sensor if sensor.kind == kind]
+    if name not in known:
+        raise InputError(f"{station}: no {kind} {name!r}; it has {', '.join(known) or 'none'}")
+    if (udp is None) == (file is None):
+        raise InputError("name one origin: --udp HOST:PORT or --file FILE.csv")
+    origin = file or _address(udp)
+    with _bridge_bus(resolved) as bus:
+        source = {"theodolite": theodolite, "radar": radar}[kind]
+        stop = _stopped_after(None)
+        source.run(bus, name, origin, stop, **({"speed": speed} if file else {}))
+
+
+def _bridge_bus(station):
+    """A bridge is a client of the station's router, and waits for it."""
+    from gcs.console import say
+    from gcs.sinks import open_bus
+
+    return open_bus(station, mode="client", waiting=say)
+
+
+def _address(text: str) -> tuple[str, int]:
+    host, _, port = text.rpartition(":")
+    if not host or not port.isdigit():
+        raise InputError(f"--udp {text}: expected HOST:PORT, such as 127.0.0.1:9001")
+    return host, int(port)
+
+
+def _feed_paths(feeds: tuple[str, ...]) -> dict[str, Path]:
+    paths = {}
+    for item in feeds:
+        name, equals, path = item.partition("=")
+        if not equals or not path:
+            raise InputError(f"--feed {item}: expected NAME=FILE.csv")
+        if name in paths:
+            raise InputError(f"--feed {item}: {name} already has a feed")
+        paths[name] = Path(path)
+    return paths
+
+
+def _speed(text: str) -> float:
+    try:
+        speed = float("inf") if text == "max" else float(text)
+    except ValueError:
+        speed = 0.0
+    if not speed > 0:
+        raise InputError(f"--speed {text}: expected a positive number, or max")
+    return speed
+
+
+def _on_signal(action) -> None:
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: action())
+
+
+def _stopped_after(seconds: float | None) -> threading.Event:
+    """An event that SIGINT, SIGTERM or the end of ``seconds`` sets."""
+    stop = threading.Event()
+    _on_signal(stop.set)
+    if seconds is not None:
+        timer = threading.Timer(seconds, stop.set)
+        timer.daemon = True
+        timer.start()
+    return stop
+
+
+def _refuse(line: str) -> None:
+    print(f"gcs: {line}", file=sys.stderr)
+    sys.exit(2)
