@@ -1,0 +1,70 @@
+"""The demo: a recorded flight sent again over UDP as its autopilot did, simulated instruments beside it."""
+
+import socket
+import threading
+import time
+from contextlib import ExitStack
+from pathlib import Path
+
+from bridges import feed, radar, theodolite, tlog
+from gcs import config, station
+from gcs.console import say
+from gcs.messages import InputError
+from gcs.sinks import open_bus
+
+SAMPLE = Path(__file__).resolve().parents[1] / "logs" / "sample"
+FLIGHT = SAMPLE / "flight.tlog"
+AFTER_S = 2.0  # the last measurements are on their way for less than this
+READ = {"theodolite": theodolite.read, "radar": radar.read}
+
+
+def run(stop: threading.Event, view: bool, out: Path | None, overrides: tuple[str, ...]) -> None:
+    """Until the flight is over, and with the view until ``stop``."""
+    if not FLIGHT.is_file():
+        raise InputError(f"{FLIGHT}: the sample flight is not here; run the demo from a clone of the project")
+    resolved = config.load(SAMPLE / "station.toml", overrides)
+    say("theodolite and radar feeds are simulated from the flight's truth: see logs/sample/README.md")
+    station.serve(resolved, out, view, "default", stop, beside=lambda stack: _start(resolved, stack, stop))
+
+
+def _start(resolved: config.Station, stack: ExitStack, stop: threading.Event) -> threading.Event:
+    """Start every feed at the same moment of the flight; returns the event that says it is over."""
+    log = tlog.read(FLIGHT)
+    begin_ns = int(tlog.ins(log, resolved.vehicle.system_id)["t_ns"].min())
+    players = [threading.Thread(target=send, args=(log, resolved.mavlink.link, stop), daemon=True)]
+    for sensor in resolved.sensor:
+        due = feed.timeline(sensor.name, *READ[sensor.kind](SAMPLE / f"{sensor.name}.csv", sensor.name))
+        bus = stack.enter_context(open_bus(resolved, mode="client"))
+        bus.declare_alive(sensor.name)
+        players.append(
+            threading.Thread(
+                target=feed.play, args=(bus, due, stop), kwargs={"begin_ns": begin_ns}, daemon=True
+            )
+        )
+    over = threading.Event()
+
+    def wait() -> None:
+        for player in players:
+            player.join()
+        stop.wait(AFTER_S)
+        over.set()
+
+    for thread in (*players, threading.Thread(target=wait, daemon=True)):
+        thread.start()
+    return over
+
+
+def send(log: tlog.Tlog, link: str, stop: threading.Event) -> None:
+    """Send a log's frames to ``link`` (udpin:HOST:PORT), paced by their receipt stamps."""
+    _, host, port = link.split(":")
+    due_s = (log.receipt_us - log.receipt_us[0]) / 1e6
+    data = log.data.tobytes()
+    started = time.monotonic()
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as radio:
+        for due, begin, end in zip(
+            due_s.tolist(), *(log.frames[f].tolist() for f in ("offset", "end")), strict=True
+        ):
+            wait = due - (time.monotonic() - started)
+            if wait > 0 and stop.wait(wait):
+                return
+            radio.sendto(data[begin:end], (host, int(port)))
