@@ -150,7 +150,8 @@ class Estimator:
     def step(self, rows: np.ndarray) -> Step:
         """Take in ``rows`` (n,) ROW, late ones too, and say what they bring."""
         refused = self._insert(rows)
-        ahead = np.unique(self._rows.t[self._done : self._size])
+        begin = self._done if self._head else 0  # before the start, rows wait and are gone through again
+        ahead = np.unique(self._rows.t[begin : self._size])
         track, count = np.zeros(len(ahead), TRACK), 0
         while self._done < self._size:
             if self._epoch() and self._head.t_ns > self._newest_ns:
