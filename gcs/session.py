@@ -30,7 +30,7 @@ class Update(NamedTuple):
 
 
 class Sink(Protocol):
-    """Takes updates. ``close``, called once, gets the summary and the best estimate of trajectory, (n,) TRACK."""
+    """Takes updates. ``close``, called once, gets the summary and the best estimate, (n,) TRACK."""
 
     def take(self, update: Update) -> None: ...
 
