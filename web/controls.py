@@ -32,10 +32,10 @@ class Player:
         self._playback = playback
         self._wanted_s: float | None = None
         self._touched_s = 0.0
-        length_s = max(1.0, (playback.end_ns - playback.start_ns) / 1e9)
+        length_s = max(1.0, (playback.end_ns - playback.start_ns) // 1e9)
         with gui.add_folder("Replay"):
             self._button = gui.add_button("Pause" if playback.playing else "Play")
-            self._slider = gui.add_slider("Time s", 0.0, length_s, 0.1, 0.0)
+            self._slider = gui.add_slider("Time s", 0.0, length_s, 1.0, 0.0)
             speed = min(SPEEDS, key=lambda name: abs(min(SPEEDS[name], 1e3) - min(playback.speed, 1e3)))
             self._speed = gui.add_dropdown("Speed", list(SPEEDS), initial_value=speed)
         self._button.on_click(lambda _: playback.pause() if playback.playing else playback.play())
@@ -57,7 +57,7 @@ class Player:
             self._playback.seek(self._playback.start_ns + round(self._wanted_s * 1e9))
             self._wanted_s = None
         elif self._wanted_s is None:
-            now_s = round((self._playback.now_ns - self._playback.start_ns) / 1e9, 1)
+            now_s = (self._playback.now_ns - self._playback.start_ns) // 1e9
             self._slider.value = min(max(now_s, 0.0), self._slider.max)
 
     def _touch(self, event: viser.GuiEvent) -> None:

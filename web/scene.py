@@ -19,7 +19,8 @@ STEP_NS = 100_000_000  # trajectories are drawn ten times a second of flight; fi
 BREAK_NS = 5_000_000_000  # a longer gap is not bridged by a straight line
 FRESH_NS = 2_000_000_000  # a line of sight fades this long after the instrument's last claim
 GRAVITY_MPS2 = 9.80665
-AIRCRAFT, INSTRUMENT, ELLIPSOID = 0.08, 0.045, 0.025  # sizes as a share of the camera's distance
+DOT_M = 1.6  # least width of a raw point
+AIRCRAFT, INSTRUMENT, ELLIPSOID, DOT = 0.08, 0.045, 0.025, 0.0016  # sizes as a share of the camera's distance
 FACTORS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)  # how much larger than life the ellipsoid may be
 
 
@@ -32,6 +33,7 @@ class Picture:
         self._colours = colours.of_sensors(scene)
         self._lines: dict[str, viser.LineSegmentsHandle] = {}
         self.follow = False
+        self._dot_m = DOT_M
         self.sigma_factor = 1  # how much larger than life the ellipsoid is drawn
         self._world = self._api.add_frame("/world", show_axes=False)
         self.layers = {
@@ -39,8 +41,8 @@ class Picture:
         }
         self._trails = {
             "filtered": Trail("/world/filtered", line, self._drawer(colours.FILTERED, 4.0)),
-            "smoothed": Trail("/world/smoothed", line, self._drawer(colours.SMOOTHED, 1.5)),
-            "outliers": Trail("/world/outliers", crosses, self._drawer(colours.OUTLIER, 2.0)),
+            "smoothed": Trail("/world/smoothed", line, self._drawer(colours.SMOOTHED, 2.0)),
+            "outliers": Trail("/world/outliers", crosses, self._drawer(colours.OUTLIER, 2.5)),
         }
         self._raw: dict[str, Trail] = {}
         self._claims = Claims(self._settle)
@@ -69,7 +71,7 @@ class Picture:
         if self._state:
             self._move_aircraft(self._state)
             self._draw_sight(self._state)
-        self._size_glyphs()
+        self._size_to_camera()
         self._trails["filtered"].update()
         self._trails["smoothed"].update()
         accepted, refused = self._claims.pending()
@@ -118,11 +120,11 @@ class Picture:
 
     def _raw_trail(self, sensor: str) -> Trail:
         if sensor not in self._raw:
-            draw = self._drawer(self._colours.get(sensor, colours.GROUND), 3.0)
+            draw = self._drawer(self._colours.get(sensor, colours.GROUND), self._dot_m, "world")
             self._raw[sensor] = Trail(f"/world/raw/{sensor}", dots, draw)
         return self._raw[sensor]
 
-    def _drawer(self, colour: Colour, width_px: float):
+    def _drawer(self, colour: Colour, width: float, units: str = "screen"):
         def draw(name: str, segments: np.ndarray) -> None:
             shown = self._lines.get(name)
             if len(segments) == 0:
@@ -132,7 +134,7 @@ class Picture:
                 shown.points = segments
             else:
                 self._lines[name] = self._api.add_line_segments(
-                    name, segments, colour, thickness=width_px, thickness_units="screen"
+                    name, segments, colour, thickness=width, thickness_units=units
                 )
 
         return draw
@@ -184,7 +186,7 @@ class Picture:
             visible=False,
         )
         self._name = self._api.add_label(
-            "/world/aircraft-label", self._scene.vehicle, visible=False, anchor="bottom-left"
+            "/world/aircraft-label", self._scene.vehicle, visible=False, anchor="bottom-center"
         )
         self._sphere = self._api.add_icosphere(
             "/world/ellipsoid/sigma", color=colours.FILTERED, opacity=0.22, visible=False, cast_shadow=False
@@ -198,8 +200,10 @@ class Picture:
                 self._world.position = -position
             elif np.any(self._world.position):
                 self._world.position = (0, 0, 0)
-            self._aircraft.position = self._name.position = self._sphere.position = position
-            self._aircraft.scale = max(2.0, AIRCRAFT * distance)
+            size_m = max(2.0, AIRCRAFT * distance)
+            self._aircraft.scale = size_m
+            self._aircraft.position = self._sphere.position = position
+            self._name.position = position + np.array([0, 0, size_m / 2])
             if np.linalg.norm(state.velocity_enu_mps) > 2.0:
                 self._aircraft.wxyz = attitude(state.velocity_enu_mps, state.acceleration_enu_mps2)
             self._aircraft.visible = self._name.visible = self._sphere.visible = True
@@ -228,9 +232,17 @@ class Picture:
             self._drawer(colour, 1.5)(name, beam if fresh and not refused else nothing)
             self._drawer(colours.OUTLIER, 1.5)(f"{name}-refused", beam if refused else nothing)
 
-    def _size_glyphs(self) -> None:
+    def _size_to_camera(self) -> None:
         for glyph in self._glyphs:
             glyph.scale = max(2.0, INSTRUMENT * self._camera_distance(np.array(glyph.position)))
+        distance = self._camera_distance(np.array(self._aircraft.position))
+        octaves = np.log2(max(1.0, DOT * distance / DOT_M))
+        dot_m = DOT_M * 2 ** (round(2 * octaves) / 2)  # in steps, for a change goes out once per chunk
+        if dot_m != self._dot_m:
+            self._dot_m = dot_m
+            for name, points in self._lines.items():
+                if name.startswith("/world/raw/"):
+                    points.thickness = dot_m
 
     def _camera_distance(self, position: np.ndarray) -> float:
         """Metres from the nearest camera to a point of the world."""

@@ -12,7 +12,7 @@ import numpy as np
 CHUNK = 1_000  # points of a finished piece
 TAIL = 100  # points of the piece that is sent on every update
 MOST = 64  # finished pieces before the oldest are thinned
-DOT_M = 0.05  # a dot is a very short line: it then has a width in pixels, not in metres
+DOT_M = 0.05  # a dot is a very short line with round ends
 CROSS_M = 12.0  # half-width of an outlier's cross
 
 Shape = Callable[[np.ndarray], np.ndarray]

@@ -80,10 +80,10 @@ class View:
         camera.near, camera.far, camera.fov = 1.0, 100_000.0, 0.9
         camera.position, camera.look_at = (-700.0, -1600.0, 1000.0), (0.0, 0.0, 0.0)
         self._server.gui.set_panel_label("Ground station")
+        self._server.gui.main_panel.dock_right()
 
     def _theme(self, dark: bool) -> None:
         self._server.gui.configure_theme(
-            control_layout="fixed",
             control_width="large",
             dark_mode=dark,
             show_logo=False,

@@ -1,5 +1,9 @@
-"""A headless Chromium that can draw: for the tests of the view and for the picture in the README."""
+"""A headless Chromium that can draw: for the tests of the view and for the picture in the README.
 
+python tests/web/browser.py http://127.0.0.1:8080 docs/view.png [--dark]
+"""
+
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -15,6 +19,7 @@ ARGS = [
     "--disable-sync",
     "--no-first-run",
 ]
+SETTLE_MS = 6000  # software rendering needs a few frames
 SIZE = {"width": 1400, "height": 900}
 
 
@@ -41,5 +46,9 @@ def screenshot(url: str, path: Path, dark: bool = False) -> None:
     with open_page(url) as page:
         if dark:
             page.get_by_role("checkbox", name="dark", exact=True).click()
-        page.wait_for_timeout(4000)  # software rendering needs a few frames
+        page.wait_for_timeout(SETTLE_MS)
         page.screenshot(path=path)
+
+
+if __name__ == "__main__":
+    screenshot(sys.argv[1], Path(sys.argv[2]), dark="--dark" in sys.argv)
