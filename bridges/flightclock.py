@@ -22,7 +22,8 @@ WRAP_GUARD_MS = 600_000
 STAMP_TOLERANCE_US = 1_000_000  # links interleave; a stamp further outside its neighbours is damaged
 MAX_DELAY_NS = 10 * S  # nothing is received later than this, nor before it was sent
 BLOCK_NS = 10 * S  # the envelope is drawn through one low point per block
-MAX_DRIFT = 2e-4  # crystals stay within 200 ppm; a steeper line says the stamps are not receipt times
+FORGET_NS = 60 * S  # live, the least delay is that of the last one to two of these, so that drift is followed
+MAX_DRIFT = 5e-3  # ceramic resonators stay within 0.5 %; a steeper line says the stamps are not receipt times
 
 
 class Boot(NamedTuple):
@@ -164,7 +165,8 @@ class LiveClock:
         self.boots_ms = boot_ms
         self._turns = 0
         self._known: list[int] = [0, 0]  # SYSTEM_TIME offset: mean in ns, messages in it
-        self._least: int | None = None  # smallest receipt − boot time, ns
+        self._least: list[int] = []  # smallest receipt − boot time in ns, of this span and of the one before
+        self._span = 0
 
     def boot_ns(self, boot_ms: int, receipt_ns: int) -> tuple[int, bool]:
         """(boot time in ns with the wrap taken out, has the vehicle restarted) for a message received now."""
@@ -175,8 +177,11 @@ class LiveClock:
         self._turns += wrapped
         self.boots_ms = boot_ms
         boot_ns = (boot_ms + self._turns * WRAP_MS) * MS
-        delay = receipt_ns - boot_ns
-        self._least = delay if self._least is None else min(self._least, delay)
+        delay, span = receipt_ns - boot_ns, boot_ns // FORGET_NS
+        if span > self._span or not self._least:
+            self._least = [delay, *self._least[:1]]
+            self._span = span
+        self._least[0] = min(self._least[0], delay)
         return boot_ns, restarted
 
     def system_time(self, unix_us: int, boot_ns: int) -> None:
@@ -192,4 +197,4 @@ class LiveClock:
     def utc_ns(self, boot_ns: int) -> int:
         """UTC ns of a boot time in ns."""
         mean, count = self._known
-        return boot_ns + (mean if count else self._least or 0)
+        return boot_ns + (mean if count else min(self._least, default=0))

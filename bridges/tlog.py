@@ -268,8 +268,10 @@ def _positions(log: Tlog, vehicle: Vehicle, timeline: _Timeline) -> tuple[tuple[
     since = boot_first[np.searchsorted(boot_first, number, "right") - 1]
     fix = gps[gps["fix_type"] >= autopilot.FIX_3D]
     silent = _newest(gps["frame_no"], number) < since
-    valid = (silent | (_newest(fix["frame_no"], number) >= since)) & autopilot.has_position(
-        report["lat"], report["lon"]
+    fixed = silent | (_newest(fix["frame_no"], number) >= since)
+    gps_alt = np.concatenate([[np.nan], fix["alt"]])[np.searchsorted(fix["frame_no"], number)]
+    valid = fixed & autopilot.has_position(
+        report["lat"], report["lon"], report["alt"], report["relative_alt"], gps_alt
     )
     separation = autopilot.geoid_separation_m(gps["fix_type"], gps["alt"], gps["alt_ellipsoid"])
     known = np.isfinite(separation)
