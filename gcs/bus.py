@@ -36,7 +36,9 @@ KEEP = 2_000  # samples each key keeps for late joiners and recovery: 20 s at 10
 HEARTBEAT_S = 0.2  # a publisher tells its last number this often, so that a lost last sample is noticed
 LEASE_MS = 2_000  # a peer that says nothing for so long is gone: hung processes show within about 2 s
 STALL_US = 1_000_000  # a reader that takes nothing for so long is cut off, so that it cannot hold the station
-RETRY_S = 0.5  # between attempts to reach a router that is not there yet
+BLOCK = zenoh.CongestionControl.BLOCK  # the default drops samples of a burst
+RETRY_S = 0.25  # between attempts to reach a router that is not there
+RETURN_S = 3 * RETRY_S  # a new router waits so long for the clients of the one before, who hold its history
 
 
 class BusError(RuntimeError):
@@ -49,7 +51,10 @@ class Subscription:
     def __init__(self, capacity: int):
         self.dropped = 0  # messages lost because the queue was full
         self.undecodable = 0  # payloads that are none of ours
-        self._queue = deque(maxlen=capacity)
+        self.missed = 0  # messages lost on the way and no longer kept by their publisher
+        self._queue: deque[tuple[float, zenoh.Sample]] = deque(maxlen=capacity)
+        self._early: list[zenoh.Sample] | None = []  # live samples that wait for the history
+        self._newest: dict[tuple, int] = {}  # last sample number taken from each publisher
         self._filled = threading.Condition()
 
     @property
@@ -73,9 +78,29 @@ class Subscription:
     def _push(self, sample: zenoh.Sample) -> None:
         # Zenoh's thread: a slow callback would stall every key of the session, so nothing else happens here.
         with self._filled:
-            self.dropped += len(self._queue) == self._queue.maxlen
-            self._queue.append((time.monotonic(), sample))
-            self._filled.notify()
+            if self._early is None:
+                self._take(sample)
+            else:
+                self._early.append(sample)
+
+    def _begin(self, history: list[zenoh.Sample]) -> None:
+        with self._filled:
+            for sample in history + self._early:
+                self._take(sample)
+            self._early = None
+
+    def _take(self, sample: zenoh.Sample) -> None:
+        if info := sample.source_info:  # a plain publisher's samples have none
+            publisher = info.source_id.zid, info.source_id.eid
+            if info.source_sn <= self._newest.get(publisher, -1):
+                return  # came with the history
+            self._newest[publisher] = info.source_sn
+        self.dropped += len(self._queue) == self._queue.maxlen
+        self._queue.append((time.monotonic(), sample))
+        self._filled.notify()
+
+    def _count_miss(self, miss: ext.Miss) -> None:
+        self.missed += miss.nb
 
     def _decode(self, sample: zenoh.Sample) -> tuple[str, msgspec.Struct] | None:
         key, payload = str(sample.key_expr), sample.payload.to_bytes()
@@ -91,10 +116,10 @@ class Subscription:
 
 
 class Bus:
-    """One Zenoh session for one vehicle. A context manager: an open session hangs the interpreter's exit."""
+    """One Zenoh session for one vehicle. Use it in a ``with``: left open, it hangs the interpreter's exit."""
 
-    def __init__(self, session: zenoh.Session, prefix: str, media: str):
-        self._session, self._prefix, self._media = session, prefix, media
+    def __init__(self, session: zenoh.Session, prefix: str, media: str, settled_s: float):
+        self._session, self._prefix, self._media, self._settled_s = session, prefix, media, settled_s
         self._publishers: dict[str, ext.AdvancedPublisher] = {}
         self._tokens: dict[str, zenoh.LivelinessToken] = {}
         self._alive: set[str] = set()
@@ -126,7 +151,8 @@ class Bus:
         config = _config(mode, endpoint)
         while True:
             try:
-                return cls(zenoh.open(config), prefix, media)
+                settled_s = time.monotonic() + (RETURN_S if mode == "router" else 0.0)
+                return cls(zenoh.open(config), prefix, media, settled_s)
             except zenoh.ZError as error:
                 line = _explain(mode, endpoint, error)
                 if waiting is None or mode == "router":
@@ -153,19 +179,31 @@ class Bus:
         publisher.put(payload, encoding=encoding)
 
     def subscribe(self, *subjects: str, capacity: int = 20_000) -> Subscription:
-        """One queue fed by all ``subjects``: "state", "raw/*", "verdict/*" ..., history first."""
+        """One queue fed by all ``subjects``: "state", "raw/*", "verdict/*" ...; kept samples come first."""
+        time.sleep(max(0.0, self._settled_s - time.monotonic()))
         subscription = Subscription(capacity)
-        for subject in subjects:
-            self._held.append(
-                ext.declare_advanced_subscriber(
-                    self._session,
-                    f"{self._prefix}/{subject}",
-                    subscription._push,
-                    history=ext.HistoryConfig(detect_late_publishers=True, max_samples=KEEP),
-                    recovery=ext.RecoveryConfig(heartbeat=True, periodic_queries=None),
-                )
+        for key in (f"{self._prefix}/{subject}" for subject in subjects):
+            subscriber = ext.declare_advanced_subscriber(
+                self._session,
+                key,
+                subscription._push,
+                recovery=ext.RecoveryConfig(heartbeat=True, periodic_queries=None),
             )
+            self._held += [subscriber, subscriber.sample_miss_listener(subscription._count_miss)]
+        subscription._begin([s for subject in subjects for s in self._history(f"{self._prefix}/{subject}")])
         return subscription
+
+    def _history(self, key: str) -> list[zenoh.Sample]:
+        # The advanced subscriber's own history option loses the older part whenever a live sample comes
+        # while it is being fetched (zenoh 1.10: every third late joiner at 20 Hz). This is the same query.
+        replies = self._session.get(
+            f"{key}/@adv/pub/**",
+            target=zenoh.QueryTarget.ALL,
+            consolidation=zenoh.ConsolidationMode.NONE,
+            accept_replies=zenoh.ReplyKeyExpr.ANY,
+            timeout=LEASE_MS / 1e3,
+        )
+        return [reply.ok for reply in replies if reply.ok]
 
     def declare_alive(self, source: str) -> None:
         """Hold the liveliness token of ``source`` until this bus closes or its process dies."""
@@ -192,8 +230,8 @@ class Bus:
         self._publishers[key] = ext.declare_advanced_publisher(
             self._session,
             f"{self._prefix}/{key}",
-            congestion_control=zenoh.CongestionControl.BLOCK,
-            cache=ext.CacheConfig(max_samples=KEEP),
+            congestion_control=BLOCK,
+            cache=ext.CacheConfig(KEEP, replies_config=ext.RepliesConfig(congestion_control=BLOCK)),
             sample_miss_detection=ext.MissDetectionConfig(heartbeat=None, sporadic_heartbeat=HEARTBEAT_S),
             publisher_detection=True,
         )
@@ -215,13 +253,14 @@ def _say_nothing(_line: str) -> None:
 
 
 def _config(mode: str, endpoint: str) -> zenoh.Config:
-    listens = mode == "router"
+    listens, retry_ms = mode == "router", int(RETRY_S * 1e3)
     settings = {
         "mode": mode,
         "listen/endpoints": [endpoint] if listens else [],
         "connect/endpoints": [] if listens else [endpoint],
-        "connect/timeout_ms": 1_000,
+        "connect/timeout_ms": retry_ms,
         "connect/exit_on_failure": True,
+        "connect/retry": {"period_init_ms": retry_ms, "period_max_ms": retry_ms, "period_increase_factor": 1},
         "scouting/multicast/enabled": False,
         "scouting/gossip/enabled": False,
         "transport/link/tx/lease": LEASE_MS,
@@ -234,7 +273,7 @@ def _config(mode: str, endpoint: str) -> zenoh.Config:
         for key, value in settings.items():
             config.insert_json5(key, json.dumps(value))
     except zenoh.ZError as error:
-        line = f"bus endpoint '{endpoint}' is not like '{ENDPOINT}', or mode '{mode}' is unknown"
+        line = f"mode '{mode}' or endpoint '{endpoint}' is none: router, client or peer, and like {ENDPOINT}"
         raise BusError(line) from error
     return config
 
@@ -244,5 +283,5 @@ def _explain(mode: str, endpoint: str, error: zenoh.ZError) -> str:
         return f"no Zenoh router at {endpoint}: start the station (gcs run) or set [bus] endpoint"
     if "in use" in str(error):
         return f"{endpoint} is in use: stop the other station or set [bus] endpoint to a free port"
-    reason = str(error).split(" at /")[0]
+    reason = str(error).split(" at /")[0].rsplit(": ", 1)[-1]
     return f"cannot listen on {endpoint}: {reason}; set [bus] endpoint"
