@@ -44,7 +44,7 @@ def admit(model, rows, begin, end, x, P, t_ns, run, soft, hard, out, work):
 
 
 @njit(cache=True)
-def redecide(model, rows, begin, end, x0, P0, t0_ns, soft, hard, x, P, out, work, r, N):
+def redecide(model, rows, begin, end, x0, P0, t0_ns, soft, hard, x, P, out, work, r, N, near):
     """Weigh rows ``begin`` to ``end`` again, each by what all the others say; head state into ``x``, ``P``."""
     for _ in range(REPEAT):
         x[:], P[:] = x0, P0
@@ -53,13 +53,37 @@ def redecide(model, rows, begin, end, x0, P0, t0_ns, soft, hard, x, P, out, work
         )  # fmt: skip
         r[:], N[:] = 0.0, 0.0
         back(model, rows.t, rows.sensor, rows.channel, rows.weight, begin, end, out, r, N, work)
-        change = 0.0
-        for i in range(begin, end):
-            k = i - begin
-            w = outlier.weight(out.off[k] / out.sigma[k], soft, hard)
-            change = max(change, abs(w - rows.weight[i]))
-            rows.weight[i] = w
-            rows.predicted[i], rows.sigma[i] = rows.value[i] - out.off[k], out.sigma[k]
-            rows.nis[i] = out.v[k] ** 2 / out.S[k]
-        if change < SETTLED:
+        if reweigh(model, rows, begin, end, soft, hard, out, near) < SETTLED:
             break
+
+
+@njit(cache=True)
+def reweigh(model, rows, begin, end, soft, hard, out, near):
+    """New weights from the residuals against all other rows; returns the largest change.
+
+    A row next to an outlier of its channel is under suspicion: AFTER sigmas instead of ``hard``, and the
+    sigma that counts is bounded, because it has grown only for want of the neighbours.
+    """
+    change = 0.0
+    for direction in (1, -1):
+        near[:] = False
+        for j in range(begin, end):
+            i = j if direction == 1 else begin + end - 1 - j
+            s, c, k = rows.sensor[i], rows.channel[i], i - begin
+            if direction == 1:
+                out.next[k] = near[s, c]
+            else:
+                out.next[k] |= near[s, c]
+            near[s, c] = rows.weight[i] == 0.0
+    for i in range(begin, end):
+        k = i - begin
+        limit, sigma = hard, out.sigma[k]
+        if out.next[k]:
+            limit = min(hard, outlier.AFTER)
+            sigma = min(sigma, outlier.BOUND * np.sqrt(model.variance[rows.sensor[i], rows.channel[i]]))
+        w = outlier.weight(out.off[k] / sigma, min(soft, limit), limit)
+        change = max(change, abs(w - rows.weight[i]))
+        rows.weight[i] = w
+        rows.predicted[i], rows.sigma[i] = rows.value[i] - out.off[k], out.sigma[k]
+        rows.nis[i] = out.v[k] ** 2 / out.S[k]
+    return change

@@ -131,6 +131,7 @@ class Estimator:
         self._rows, self._size, self._done, self._final = _room(4096), 0, 0, 0
         self._out, self._work = windows.trace(1024, n, 256), windows.scratch(n)
         self._r, self._N = np.zeros(n), np.zeros((n, n))
+        self._near = np.zeros((len(sensors), len(CHANNELS)), bool)
         self._newest_ns, self._told, self._marks, self._reset_log = LONG_AGO_NS, 0, [], []
         tally = np.zeros((len(sensors), len(CHANNELS), 3))
         blank = Snapshot(LONG_AGO_NS, 0, 0, None, None, (), tally, 0, np.zeros(0, TRACK))
@@ -329,7 +330,7 @@ class Estimator:
         head, anchor = self._head, self._anchor
         decide.redecide(
             self.model, self._rows, begin, end, anchor.x, anchor.P, anchor.t_ns, s.soft, s.hard,
-            head.x, head.P, self._out, self._work, self._r, self._N,
+            head.x, head.P, self._out, self._work, self._r, self._N, self._near,
         )  # fmt: skip
         head.run[:] = anchor.run
         rows = self._rows

@@ -11,6 +11,7 @@ from filters.rows import DEWEIGHTED, ISOLATED, PATCH, USED
 HARD = 4.5  # sigmas; a normal value is beyond once in 150,000, an outlier of 6 sigma is inside once in 15
 SOFT = 3.5  # sigmas; between the two a value keeps part of its weight, so that a decision does not flip
 AFTER = 3.0  # sigmas allowed to a value whose predecessor was an outlier: they come in runs
+BOUND = 1.5  # noise sigmas: in a run, a sigma beyond this has grown for want of the refused rows themselves
 RUN = 3  # consecutive outliers of one channel make a patch
 
 REASONS = (
