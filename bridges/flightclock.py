@@ -22,7 +22,7 @@ WRAP_GUARD_MS = 600_000
 STAMP_TOLERANCE_US = 1_000_000  # links interleave; a stamp further outside its neighbours is damaged
 MAX_DELAY_NS = 10 * S  # nothing is received later than this, nor before it was sent
 BLOCK_NS = 10 * S  # the envelope is drawn through one low point per block
-FORGET_NS = 60 * S  # live, the least delay is that of the last one to two of these, so that drift is followed
+LIVE_DRIFT = 1e-4  # live, the least delay may grow so fast: crystals drift, a link that stalls must not count
 MAX_DRIFT = 5e-3  # ceramic resonators stay within 0.5 %; a steeper line says the stamps are not receipt times
 
 
@@ -162,27 +162,28 @@ class LiveClock:
         self._restart(0)
 
     def _restart(self, boot_ms: int) -> None:
-        self.boots_ms = boot_ms
+        self._boot_ms = boot_ms
         self._turns = 0
         self._known: list[int] = [0, 0]  # SYSTEM_TIME offset: mean in ns, messages in it
-        self._least: list[int] = []  # smallest receipt − boot time in ns, of this span and of the one before
-        self._span = 0
+        self._least: tuple[int, int] | None = None  # smallest receipt − boot time in ns, and its boot time
 
     def boot_ns(self, boot_ms: int, receipt_ns: int) -> tuple[int, bool]:
         """(boot time in ns with the wrap taken out, has the vehicle restarted) for a message received now."""
-        wrapped = self.boots_ms > WRAP_MS - WRAP_GUARD_MS and boot_ms < WRAP_GUARD_MS
-        restarted = not wrapped and boot_ms < self.boots_ms - RESTART_MS
+        wrapped = self._boot_ms > WRAP_MS - WRAP_GUARD_MS and boot_ms < WRAP_GUARD_MS
+        restarted = not wrapped and boot_ms < self._boot_ms - RESTART_MS
         if restarted:
             self._restart(boot_ms)
         self._turns += wrapped
-        self.boots_ms = boot_ms
+        self._boot_ms = boot_ms
         boot_ns = (boot_ms + self._turns * WRAP_MS) * MS
-        delay, span = receipt_ns - boot_ns, boot_ns // FORGET_NS
-        if span > self._span or not self._least:
-            self._least = [delay, *self._least[:1]]
-            self._span = span
-        self._least[0] = min(self._least[0], delay)
+        delay = receipt_ns - boot_ns
+        if self._least is None or delay < self._floor(boot_ns):
+            self._least = delay, boot_ns
         return boot_ns, restarted
+
+    def _floor(self, boot_ns: int) -> int:
+        least, since_ns = self._least or (0, boot_ns)
+        return least + int(LIVE_DRIFT * (boot_ns - since_ns))
 
     def system_time(self, unix_us: int, boot_ns: int) -> None:
         """Take in a SYSTEM_TIME: not set yet, it is passed over; set anew, it starts over."""
@@ -197,4 +198,4 @@ class LiveClock:
     def utc_ns(self, boot_ns: int) -> int:
         """UTC ns of a boot time in ns."""
         mean, count = self._known
-        return boot_ns + (mean if count else min(self._least, default=0))
+        return boot_ns + (mean if count else self._floor(boot_ns))
