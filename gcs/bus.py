@@ -6,7 +6,7 @@
 ``verdict/theo-north``      what was done with each measurement, and why
 ``wind health event``       once a second; events when they happen
 ``alive/theo-north``        liveliness token of one source, no payload
-``schema  scene``           queryables
+``schema  scene  here``     queryables; ``here`` is answered by every bus, with nothing
 ==========================  ==========================================================================
 
 Every key is written by an advanced publisher that keeps its last samples, and read by advanced subscribers
@@ -29,7 +29,7 @@ import msgspec
 import zenoh
 from zenoh import ext
 
-from gcs.messages import JSON, Bad, decode, encode
+from gcs.messages import JSON, Bad, InputError, decode, encode
 
 ENDPOINT = "tcp/127.0.0.1:7447"
 KEEP = 2_000  # samples each key keeps for late joiners and recovery: 20 s at 100 Hz
@@ -39,9 +39,10 @@ STALL_US = 1_000_000  # a reader that takes nothing for so long is cut off, so t
 BLOCK = zenoh.CongestionControl.BLOCK  # the default drops samples of a burst
 RETRY_S = 0.25  # between attempts to reach a router that is not there
 RETURN_S = 3 * RETRY_S  # a new router waits so long for the clients of the one before, who hold its history
+NOT_OURS = (msgspec.DecodeError, UnicodeDecodeError, RecursionError)  # all that decoding strange bytes raises
 
 
-class BusError(RuntimeError):
+class BusError(InputError):
     """The bus cannot be used; one line that says why and what to do."""
 
 
@@ -107,7 +108,7 @@ class Subscription:
         _, _, subject, source = (key + "/").split("/")[:4]
         try:
             return source, decode(payload, str(sample.encoding))
-        except msgspec.DecodeError as error:
+        except NOT_OURS as error:
             self.undecodable += 1
             if subject != "raw":
                 return None
@@ -126,6 +127,7 @@ class Bus:
         self._held = [
             session.liveliness().declare_subscriber(f"{prefix}/alive/*", self._on_liveliness, history=True)
         ]
+        self.serve("here", lambda: (b"", "zenoh/bytes"))
 
     @classmethod
     def open(
@@ -168,7 +170,11 @@ class Bus:
         self.close()
 
     def close(self) -> None:
-        """Send what is queued, withdraw tokens, end the session."""
+        """Wait until the others have what was published, withdraw tokens, end the session."""
+        if self._session.is_closed():
+            return
+        # Zenoh throws away what is still on its way when a session closes. A query travels behind it.
+        self._ask(f"{self._prefix}/here")
         self._session.close()
 
     def publish(self, subject: str, message: msgspec.Struct, source: str = "") -> None:
@@ -196,14 +202,18 @@ class Bus:
     def _history(self, key: str) -> list[zenoh.Sample]:
         # The advanced subscriber's own history option loses the older part whenever a live sample comes
         # while it is being fetched (zenoh 1.10: every third late joiner at 20 Hz). This is the same query.
+        return [reply.ok for reply in self._ask(f"{key}/@adv/pub/**") if reply.ok]
+
+    def _ask(self, key: str) -> list[zenoh.Reply]:
         replies = self._session.get(
-            f"{key}/@adv/pub/**",
+            key,
             target=zenoh.QueryTarget.ALL,
             consolidation=zenoh.ConsolidationMode.NONE,
             accept_replies=zenoh.ReplyKeyExpr.ANY,
+            congestion_control=BLOCK,
             timeout=LEASE_MS / 1e3,
         )
-        return [reply.ok for reply in replies if reply.ok]
+        return list(replies)
 
     def declare_alive(self, source: str) -> None:
         """Hold the liveliness token of ``source`` until this bus closes or its process dies."""
@@ -232,7 +242,7 @@ class Bus:
             f"{self._prefix}/{key}",
             congestion_control=BLOCK,
             cache=ext.CacheConfig(KEEP, replies_config=ext.RepliesConfig(congestion_control=BLOCK)),
-            sample_miss_detection=ext.MissDetectionConfig(heartbeat=None, sporadic_heartbeat=HEARTBEAT_S),
+            sample_miss_detection=ext.MissDetectionConfig(heartbeat=HEARTBEAT_S, sporadic_heartbeat=None),
             publisher_detection=True,
         )
         return self._publishers[key]
@@ -263,6 +273,7 @@ def _config(mode: str, endpoint: str) -> zenoh.Config:
         "connect/retry": {"period_init_ms": retry_ms, "period_max_ms": retry_ms, "period_increase_factor": 1},
         "scouting/multicast/enabled": False,
         "scouting/gossip/enabled": False,
+        "scouting/delay": 0,
         "transport/link/tx/lease": LEASE_MS,
         "transport/link/tx/queue/congestion_control/block/wait_before_close": STALL_US,
         "transport/unicast/open_timeout": LEASE_MS,
