@@ -10,6 +10,8 @@ from filters.unscented import difference
 from filters.window import ahead, back, update
 
 REPEAT = 4  # passes over the window at most; one is enough while nothing changes
+OUTBREAK = outlier.HARD**2
+CONTINUED = 2.5
 SETTLED = 0.05  # a change of weight that is no change
 
 
@@ -44,8 +46,12 @@ def admit(model, rows, begin, end, x, P, t_ns, run, soft, hard, out, work):
 
 
 @njit(cache=True)
-def redecide(model, rows, begin, end, x0, P0, t0_ns, soft, hard, x, P, out, work, r, N, near):
-    """Weigh rows ``begin`` to ``end`` again, each by what all the others say; head state into ``x``, ``P``."""
+def settle(model, rows, begin, end, x0, P0, t0_ns, soft, hard, x, P, out, work, r, N, near):
+    """Weigh rows ``begin`` to ``end`` again, each by what all the others say, from their weights as they are.
+
+    ``x0, P0`` at ``t0_ns`` is the anchor; the head state goes to ``x``, ``P``. Returns the `cost`.
+    """
+    price = 0.0
     for _ in range(REPEAT):
         x[:], P[:] = x0, P0
         ahead(
@@ -53,8 +59,32 @@ def redecide(model, rows, begin, end, x0, P0, t0_ns, soft, hard, x, P, out, work
         )  # fmt: skip
         r[:], N[:] = 0.0, 0.0
         back(model, rows.t, rows.sensor, rows.channel, rows.weight, begin, end, out, r, N, work)
+        price = cost(model, rows, begin, end, out, near)
         if reweigh(model, rows, begin, end, soft, hard, out, near) < SETTLED:
             break
+    return price
+
+
+@njit(cache=True)
+def cost(model, rows, begin, end, out, before):
+    """−2 log likelihood of the window under its verdicts, up to a constant: the lower, the better the story.
+
+    Used rows: innovations form, v²/S + ln(S/R). Refused ones: OUTBREAK to begin a run, CONTINUED for each
+    further row, which is what a good row costs on average.
+    """
+    total = 0.0
+    before[:] = False
+    for i in range(begin, end):
+        s, c, k = rows.sensor[i], rows.channel[i], i - begin
+        out_of_use = rows.weight[i] == 0.0
+        if out_of_use:
+            total += CONTINUED if before[s, c] else OUTBREAK
+        else:
+            noise = model.variance[s, c]
+            S = out.S[k] + noise / rows.weight[i] - noise
+            total += out.v[k] ** 2 / S + np.log(S / noise)
+        before[s, c] = out_of_use
+    return total
 
 
 @njit(cache=True)

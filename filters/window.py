@@ -47,7 +47,7 @@ def scratch(n: int) -> np.ndarray:
     return np.zeros((16, n))
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True)  # without fastmath: its reordering would cost P its exact symmetry
 def update(x, P, m, v, S):
     """Condition ``x`` and ``P`` on one innovation, in place: ``m`` = P h, ``S`` its variance with noise."""
     n = x.size
