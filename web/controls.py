@@ -46,7 +46,7 @@ class Player:
         playback = self._playback
         if not playback.playing:
             return "END" if playback.now_ns >= playback.end_ns else "PAUSED"
-        return f"REPLAY {self._speed.value}"
+        return "REPLAY max" if math.isinf(playback.speed) else f"REPLAY {playback.speed:g}×"
 
     def update(self) -> None:
         label = "Pause" if self._playback.playing else "Play"

@@ -50,9 +50,8 @@ def badge(state: State | None, age_s: float, mode: str) -> tuple[str, Colour]:
     return mode, colours.GOOD
 
 
-def status(scene: Scene, state: State | None, age_s: float, mode: str, tick: int) -> str:
-    text, colour = badge(state, age_s, mode)
-    head = f'<span class="badge" style="background:{css(colour)}">{text}</span><b>{escape(scene.vehicle)}</b>'
+def status(scene: Scene, state: State | None, word: str, colour: Colour, tick: int) -> str:
+    head = f'<span class="badge" style="background:{css(colour)}">{word}</span><b>{escape(scene.vehicle)}</b>'
     lost = f'<div class="lost" data-tick="{tick}">NO CONTACT WITH THE STATION</div>'
     if state is None:
         return f'{STYLE}<div class="gcs">{head} <span class="quiet">{escape(scene.range)}</span>{lost}</div>'

@@ -21,16 +21,18 @@ ARGS = [
 ]
 SETTLE_MS = 6000  # software rendering needs a few frames
 SIZE = {"width": 1400, "height": 900}
+SMALL = {"width": 1000, "height": 600}  # a third of the pixels, for what is rendered without a graphics card
 
 
 @contextmanager
-def open_page(url: str) -> Iterator:
+def open_page(url: str, size: dict[str, int] = SIZE) -> Iterator:
     """A Playwright page on the view, once its panel is there."""
     from playwright.sync_api import sync_playwright
 
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=ARGS)
-        page = browser.new_page(viewport=SIZE)
+        page = browser.new_page(viewport=size)
+        page.set_default_timeout(60_000)
         page.goto(url)
         page.get_by_text("Sensors").wait_for()
         # The page warns those without a graphics card; in a picture of the view that is no news.

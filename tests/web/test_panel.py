@@ -6,6 +6,7 @@ import pytest
 from gcs.messages import Event, Health, State
 from tests.web.flight import SCENE, START_NS, messages
 from web import panel
+from web.colours import GOOD
 
 FLOWN = [message for message, source in messages(3.0) if source == ""]
 STATE = next(m for m in FLOWN if isinstance(m, State))
@@ -32,7 +33,7 @@ def test_the_clock_is_utc_with_tenths():
 
 
 def test_every_write_differs_so_that_silence_shows():
-    assert panel.status(SCENE, STATE, 0.1, "LIVE", 1) != panel.status(SCENE, STATE, 0.1, "LIVE", 2)
+    assert panel.status(SCENE, STATE, "LIVE", GOOD, 1) != panel.status(SCENE, STATE, "LIVE", GOOD, 2)
 
 
 def test_a_sensor_says_rate_share_and_delay():
