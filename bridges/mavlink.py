@@ -16,7 +16,7 @@ import numpy as np
 
 from bridges import autopilot
 from bridges.flightclock import US, LiveClock
-from gcs.messages import Bad, Event, InsMeasurement
+from gcs.messages import Bad, Event, InputError, InsMeasurement
 
 RETRY_S = 1.0  # between two attempts to open a link that was there
 SILENT_S = 5.0  # a link without the vehicle for so long is reported
@@ -25,7 +25,7 @@ KNOCK_S = 1.0
 CLIP = 32  # bytes of a damaged frame shown
 
 
-class LinkError(ValueError):
+class LinkError(InputError):
     """A link that cannot be used. The message names it and what to do."""
 
 

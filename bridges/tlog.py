@@ -12,7 +12,7 @@ import numpy as np
 
 from bridges import autopilot, flightclock, frames
 from bridges.flightclock import Boot
-from gcs.messages import INS
+from gcs.messages import INS, InputError
 
 COMMON = np.dtype(
     [
@@ -27,7 +27,7 @@ COMMON = np.dtype(
 _GROUND_STATION = 6  # MAV_TYPE_GCS
 
 
-class LogError(ValueError):
+class LogError(InputError):
     """A log that cannot be used. The message names the file and what to do."""
 
 
@@ -59,10 +59,10 @@ class Tlog(NamedTuple):
         """
         msgid = frames.dialect().ids[name]
         numbers = np.flatnonzero(self.msgid == msgid)
-        chosen = self.frames[numbers]
+        chosen = self.frames.take(numbers)  # of records, many times faster than an index
         if vehicle:
             own = (chosen["sysid"] == vehicle.system_id) & (chosen["compid"] == vehicle.component_id)
-            numbers, chosen = numbers[own], chosen[own]
+            numbers, chosen = numbers[own], chosen.compress(own)
         out = frames.payloads(self.data, chosen, msgid, COMMON)
         out["frame_no"], out["receipt_us"] = numbers, self.receipt_us[numbers]
         out["sysid"], out["compid"], out["frame_seq"] = chosen["sysid"], chosen["compid"], chosen["seq"]
@@ -160,7 +160,7 @@ def flight(log: Tlog, system_id: int | None = None) -> Flight:
     imu, accelerations = _accelerations(log, vehicle, timeline)
     rows, number = (np.concatenate(both) for both in zip(positions, accelerations, strict=True))
     rows["arrival_ns"], untrue = _arrivals(timeline, rows["t_ns"], number, log.receipt_us[number])
-    rows = rows[np.lexsort((number, rows["arrival_ns"]))]
+    rows = rows.take(np.lexsort((number, rows["arrival_ns"])))
     report = damage(log) | {
         "system_id": vehicle.system_id,
         "systems": {v.system_id: v.kind for v in vehicles(log)},
@@ -275,7 +275,7 @@ def _positions(log: Tlog, vehicle: Vehicle, timeline: _Timeline) -> tuple[tuple[
     )
     separation = autopilot.geoid_separation_m(gps["fix_type"], gps["alt"], gps["alt_ellipsoid"])
     known = np.isfinite(separation)
-    report, number = report[valid], number[valid]
+    report, number = report.compress(valid), number[valid]
     rows = _rows(timeline.at(report))
     values = autopilot.position_velocity(*(report[name] for name in ("lat", "lon", "alt", "vx", "vy", "vz")))
     for name, value in zip(
@@ -307,7 +307,7 @@ def _accelerations(log: Tlog, vehicle: Vehicle, timeline: _Timeline) -> tuple[st
     before = np.searchsorted(attitude["frame_no"], imu["frame_no"]) - 1
     age_ns = t_ns - attitude_ns[before]
     fresh = (before >= 0) & (np.abs(age_ns) <= autopilot.ATTITUDE_AGE_NS)
-    used = attitude[before[fresh]]
+    used = attitude.take(before[fresh])
     rows = _rows(t_ns[fresh])
     rows["ae_mps2"], rows["an_mps2"], rows["au_mps2"] = autopilot.acceleration_enu(
         force[fresh],
