@@ -95,13 +95,13 @@ def observe_all(
     """By name; each instrument has its own stream of chance, so adding one changes no other."""
     return {
         instrument.name: observe(truth, instrument, np.random.default_rng([seed, k]), share)
-        for k, instrument in enumerate(instruments)
+        for k, instrument in enumerate(instruments, 1)
     }
 
 
 def crooked(instruments: Sequence[Instrument], seed: int) -> list[Instrument]:
     """The same instruments set up with ordinary care: small zero errors, clocks apart, a few dropouts."""
-    rng = np.random.default_rng([seed])
+    rng = np.random.default_rng([seed, 0])
     out = []
     for instrument in instruments:
         zero = (rng.normal(0, 1.5), *np.radians(rng.normal(0, 0.01, 2)).tolist(), 0.0)

@@ -12,6 +12,7 @@ import pytest
 from bridges import feed, simulated, tlog
 from filters import simulate
 from gcs.messages import PolarMeasurement
+from tests.bridges.fake import FakeBus
 
 SAMPLE = Path(__file__).parents[2] / "logs" / "sample"
 SEED = 7
@@ -168,17 +169,7 @@ def test_another_instrument_changes_no_other(truth):
 
 
 def test_live_stream_is_the_file_in_time_order(truth, tmp_path):
-    class Bus:
-        def __init__(self):
-            self.sent, self.alive = [], []
-
-        def publish(self, subject, message, source=""):
-            self.sent.append((subject, source, message))
-
-        def declare_alive(self, source):
-            self.alive.append(source)
-
-    bus = Bus()
+    bus = FakeBus()
     simulated.run(bus, truth, [NORTH, RADAR], 3, threading.Event(), speed=math.inf)
     assert bus.alive == ["north", "radar"]
     times = [message.t_ns for _, _, message in bus.sent]
