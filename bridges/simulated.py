@@ -28,7 +28,7 @@ import numpy as np
 
 from bridges import feed
 from filters import scenario, simulate
-from gcs.messages import CHANNELS, POLAR
+from gcs.messages import CHANNELS, POLAR, InputError
 
 TRUTH = np.dtype([("t_ns", "i8"), ("lat_deg", "f8"), ("lon_deg", "f8"), ("alt_m", "f8")])
 COLUMNS = {"range_m": 3, "azimuth_deg": 6, "elevation_deg": 6, "range_rate_mps": 3}  # decimals in files
@@ -172,7 +172,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--share", type=float, default=OUTLIER_SHARE, help="of the values, outliers")
     parser.add_argument("--clean", action="store_true", help="noise only: no outlier, no systematic error")
     options = parser.parse_args(arguments)
+    try:
+        _make(options)
+    except (InputError, OSError) as error:
+        parser.error(str(error))
 
+
+def _make(options: argparse.Namespace) -> None:
     truth = read_truth(options.truth, boot_to_utc_ns(options.tlog) if options.tlog else None)
     instruments = instruments_of(options.station)
     if not options.clean:

@@ -194,3 +194,10 @@ def test_truth_in_boot_time_needs_the_log(tmp_path):
 def test_a_feed_is_no_truth():
     with pytest.raises(feed.FeedError, match=r"theo-north.csv:1: a truth file has"):
         simulated.read_truth(SAMPLE / "theo-north.csv")
+
+
+def test_command_refuses_in_one_line(tmp_path, capsys):
+    with pytest.raises(SystemExit) as refusal:
+        make(tmp_path / "out", "--truth", str(tmp_path / "nowhere.csv"))
+    assert refusal.value.code == 2
+    assert "nowhere.csv" in capsys.readouterr().err.splitlines()[-1]
