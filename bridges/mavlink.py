@@ -140,7 +140,7 @@ def run(link: str, system_id: int, bus, stop: Flag) -> None:
             with closing(_open(link)) as port:
                 _tell(bus, "info", f"{link}: listening for vehicle {system_id}")
                 lost = False
-                _listen(port, decoder, bus, stop, knock=link.startswith("udpout:"))
+                _listen(port, decoder, bus, stop)
         except OSError as error:
             if not lost:
                 _tell(bus, "warning", f"{link}: {error.strerror or error}; trying again every {RETRY_S:g} s")
@@ -148,20 +148,25 @@ def run(link: str, system_id: int, bus, stop: Flag) -> None:
             stop.wait(RETRY_S)
 
 
-def _listen(port, decoder: Decoder, bus, stop: Flag, knock: bool) -> None:
-    heard, silent, knocked = time.monotonic(), False, -KNOCK_S
+def _listen(port, decoder: Decoder, bus, stop: Flag) -> None:
+    heard, silent, knocked, readable = time.monotonic(), False, -KNOCK_S, False
+    knock, stream = decoder.link.startswith("udpout:"), decoder.link.startswith("tcp:")
     while not stop.is_set():
         now = time.monotonic()
         if knock and now - knocked >= KNOCK_S:
             port.write(b"")
             knocked = now
+        before = port.mav.total_bytes_received
         message = port.recv_msg()
         if message is None:
+            if stream and readable and port.mav.total_bytes_received == before:
+                raise ConnectionResetError(0, "closed by the other end")
             if now - heard > SILENT_S and not silent:
                 silent = True
                 _tell(bus, "warning", f"{decoder.link}: nothing from vehicle {decoder.system_id}")
-            port.select(POLL_S)
+            readable = port.select(POLL_S)
             continue
+        readable = False
         measurement = decoder.decode(message, time.time_ns())
         if measurement is not None:
             bus.publish("raw", measurement, "ins")
@@ -204,4 +209,4 @@ def _open(link: str):
     """A pymavlink connection that parses MAVLink 1 and 2 and never answers."""
     from pymavlink import mavutil  # sets os.environ when imported
 
-    return mavutil.mavlink_connection(link, autoreconnect=True, retries=1)
+    return mavutil.mavlink_connection(link, retries=1)

@@ -165,7 +165,8 @@ def test_udp_out_knocks_with_nothing(listen):
         assert until(lambda: count(bus) == 110)
 
 
-def test_tcp_is_opened_again_after_a_loss(listen):
+def test_tcp_is_opened_again_after_a_loss(listen, monkeypatch):
+    monkeypatch.setattr(mavlink, "RETRY_S", 0.05)
     with socket.create_server(("127.0.0.1", 0)) as server:
         bus = listen(f"tcp:127.0.0.1:{server.getsockname()[1]}")
         frames = frames_of()
@@ -176,6 +177,8 @@ def test_tcp_is_opened_again_after_a_loss(listen):
                 vehicle.sendall(b"".join(part))
                 assert until(lambda: bus.raw and bus.raw[-1].t_ns >= 0)
         assert until(lambda: count(bus) == 110)
+        assert until(lambda: len(bus.events) >= 3)
+    assert "closed by the other end" in bus.events[1]
 
 
 def test_link_that_is_not_there_yet_is_told_and_tried_again(listen, monkeypatch):
