@@ -42,12 +42,20 @@ def test_a_sensor_says_rate_share_and_delay():
         assert text in html
 
 
-@pytest.mark.parametrize(("change", "word"), [({"alive": False}, "gone"), ({"age_s": 9.0}, "silent")])
+@pytest.mark.parametrize(
+    ("change", "word"), [({"alive": False}, "gone"), ({"age_s": 9.0}, "silent"), ({"age_s": None}, "waiting")]
+)
 def test_a_lost_sensor_is_called_so(change, word):
     radar = msgspec.structs.replace(HEALTH.sensors["radar-west"], **change)
     health = msgspec.structs.replace(HEALTH, sensors={"radar-west": radar})
     assert word in panel.sensors(SCENE, health, None)
     assert word not in panel.sensors(SCENE, HEALTH, None)
+
+
+def test_a_station_that_falls_behind_says_so():
+    behind = msgspec.structs.replace(HEALTH, queue_age_s=4.2)
+    assert "wait 4.2 s" in panel.sensors(SCENE, behind, None)
+    assert "wait" not in panel.sensors(SCENE, HEALTH, None)
 
 
 def test_skipped_messages_are_told():
