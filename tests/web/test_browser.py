@@ -129,6 +129,15 @@ def test_pause_and_play(page, tape):
     assert tape.playing
 
 
+def test_at_the_end_play_begins_anew(page, tape):
+    here_ns, tape.now_ns = tape.now_ns, tape.end_ns
+    page.get_by_text("END", exact=True).wait_for()
+    page.get_by_role("button", name="Play").click()
+    assert until(lambda: tape.now_ns == tape.start_ns)
+    assert tape.playing
+    tape.now_ns = here_ns
+
+
 def test_arrow_keys_seek(page, tape):
     slider = page.locator("[role=slider]").first
     assert until(lambda: slider.get_attribute("aria-valuenow") == "40")
