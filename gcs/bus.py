@@ -122,7 +122,6 @@ class Bus:
     def __init__(self, session: zenoh.Session, prefix: str, media: str, settled_s: float):
         self._session, self._prefix, self._media, self._settled_s = session, prefix, media, settled_s
         self._publishers: dict[str, ext.AdvancedPublisher] = {}
-        self._tokens: dict[str, zenoh.LivelinessToken] = {}
         self._alive: set[str] = set()
         self._held = [
             session.liveliness().declare_subscriber(f"{prefix}/alive/*", self._on_liveliness, history=True)
@@ -218,7 +217,7 @@ class Bus:
     def declare_alive(self, source: str) -> None:
         """Hold the liveliness token of ``source`` until this bus closes or its process dies."""
         key = f"{self._prefix}/alive/{_name(source)}"
-        self._tokens[source] = self._session.liveliness().declare_token(key)
+        self._held.append(self._session.liveliness().declare_token(key))
 
     def alive(self) -> set[str]:
         """The sources whose token is held now."""
