@@ -13,6 +13,7 @@ from gcs.bus import Bus
 from gcs.messages import Bad, InsMeasurement, PolarMeasurement
 from gcs.session import Session
 
+SETTLE_S = 1.0  # a restarted station is given what the bridges kept; all of it, before the first row goes in
 POLL_S = 0.01  # how long one turn waits for the first measurement; also how often a hold can run out
 ASTRAY_NS = 5_000_000_000  # a stamp this far from the flight's clock is a fault of a clock, no delay of ours
 RECORDED_NS = 60_000_000_000  # stamps older than this on arrival come from a recording, not over a slow link
@@ -52,6 +53,7 @@ class BusFeeds:
 def run(session: Session, feeds: BusFeeds, stop: threading.Event) -> dict:
     """Serve until ``stop``; returns the summary."""
     strangers: Counter = Counter()
+    stop.wait(SETTLE_S)
     while not stop.is_set():
         arrived = sorted(feeds.incoming.drain(POLL_S), key=lambda pair: pair[0])
         now_ns = time.time_ns()

@@ -62,7 +62,9 @@ def serve(
         say("compiling the filter (once; cached for the next start)")
         feeds = live.BusFeeds(bus)
         session = new_session(station, frame, folder, method, targets(bus, shown), feeds)
-        bus.publish("scene", scene(station, frame))
+        still = scene(station, frame)
+        bus.publish("scene", still)
+        bus.serve("scene", lambda: messages.encode(still))
         bus.serve("schema", lambda: (json.dumps(messages.schema()).encode(), messages.JSON))
         if station.mavlink.link:
             worker = Worker(lambda: _mavlink(station, bus, stop), stop)
