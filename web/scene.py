@@ -18,6 +18,7 @@ BREAK_NS = 5_000_000_000  # a longer gap is not bridged by a straight line
 FRESH_NS = 2_000_000_000  # a line of sight goes this long after the instrument's last claim
 DOT_M = 1.6  # least width of a raw point
 INSTRUMENT, DOT = 0.045, 0.0016  # sizes as a share of the camera's distance
+CROSS = 2.5  # half-width of an outlier's cross, in raw points
 
 
 class Picture:
@@ -35,11 +36,11 @@ class Picture:
             self._glyphs.append(draw_instrument(server.scene, instrument, self._colours[instrument.name]))
             self.cameras.include(instrument.position_enu_m)
         self.aircraft = Aircraft(server.scene, scene.vehicle)
+        self._dot_m = DOT_M
         self._filtered = Trail("/world/filtered", line, self._lines.drawer(colours.FILTERED, 4.0))
         self._smoothed = Trail("/world/smoothed", line, self._lines.drawer(colours.SMOOTHED, 2.0))
-        self._outliers = Trail("/world/outliers", crosses, self._lines.drawer(colours.OUTLIER, 2.5))
+        self._outliers = Trail("/world/outliers", self._crosses, self._lines.drawer(colours.OUTLIER, 2.0))
         self._raw: dict[str, Trail] = {}  # by sensor
-        self._dot_m = DOT_M
         self._claims = Claims(self._settled)
         self._state: State | None = None
         self._drawn: dict[Trail, State] = {}  # the newest state on each line
@@ -108,6 +109,9 @@ class Picture:
             glyph.scale = max(2.0, INSTRUMENT * self.cameras.distance(instrument.position_enu_m))
             self._draw_sight(instrument.name, glyph, state)
 
+    def _crosses(self, points: np.ndarray) -> np.ndarray:
+        return crosses(points, CROSS * self._dot_m)
+
     def _draw_sight(self, name: str, glyph: viser.MeshHandle, state: State) -> None:
         """A line to the aircraft, or in the outliers' colour to where the instrument wrongly saw it."""
         t_ns, claim = self._claims.newest.get(name, (0, None))
@@ -125,3 +129,4 @@ class Picture:
         if dot_m != self._dot_m:
             self._dot_m = dot_m
             self._lines.set_width("/world/raw/", dot_m)
+            self._outliers.redraw()
