@@ -247,9 +247,11 @@ def test_a_full_queue_keeps_the_newest_and_counts_the_rest(station):
 def test_what_is_none_of_ours_is_counted_and_on_raw_gets_a_verdict(station, endpoint, payload):
     subscription = station.subscribe("raw/*", "state")
     with plain_zenoh(endpoint) as session:
-        session.put("demo/uav1/raw/radar", payload)
-        session.put("demo/uav1/state", payload)
-        session.put("demo/uav1/raw/radar", b'{"type":"PolarMeasurement","t_ns":7,"arrival_ns":7}')
+        raw, state = (session.declare_publisher(f"demo/uav1/{key}") for key in ("raw/radar", "state"))
+        assert until(lambda: raw.matching_status.matching and state.matching_status.matching)
+        raw.put(payload)
+        state.put(payload)
+        raw.put(b'{"type":"PolarMeasurement","t_ns":7,"arrival_ns":7}')
         got = collect(subscription, 2)
     assert isinstance(got[0][1], Bad)
     assert (got[0][0], got[0][1].where) == ("radar", "demo/uav1/raw/radar")
