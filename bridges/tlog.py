@@ -59,10 +59,10 @@ class Tlog(NamedTuple):
         """
         msgid = frames.dialect().ids[name]
         numbers = np.flatnonzero(self.msgid == msgid)
-        chosen = self.frames.take(numbers)  # of records, many times faster than an index
         if vehicle:
-            own = (chosen["sysid"] == vehicle.system_id) & (chosen["compid"] == vehicle.component_id)
-            numbers, chosen = numbers[own], chosen.compress(own)
+            numbers = numbers[self.frames["sysid"][numbers] == vehicle.system_id]
+            numbers = numbers[self.frames["compid"][numbers] == vehicle.component_id]
+        chosen = self.frames.take(numbers)  # of records, many times faster than an index
         out = frames.payloads(self.data, chosen, msgid, COMMON)
         out["frame_no"], out["receipt_us"] = numbers, self.receipt_us[numbers]
         out["sysid"], out["compid"], out["frame_seq"] = chosen["sysid"], chosen["compid"], chosen["seq"]
@@ -130,9 +130,8 @@ def vehicles(log: Tlog) -> list[Vehicle]:
     return out
 
 
-def choose(log: Tlog, system_id: int | None = None) -> Vehicle:
-    """The vehicle with this system id; the only autopilot where none is given."""
-    there = vehicles(log)
+def choose(log: Tlog, there: list[Vehicle], system_id: int | None = None) -> Vehicle:
+    """The vehicle with this system id; the only autopilot where none is given; else LogError names all."""
     wanted = [v for v in there if (v.kind == "autopilot" if system_id is None else v.system_id == system_id)]
     if len(wanted) == 1:
         return wanted[0]
@@ -152,7 +151,8 @@ def flight(log: Tlog, system_id: int | None = None) -> Flight:
     ``arrival_ns`` is the receipt stamp on the flight's clock: the delay beyond the smallest one of that boot.
     Raises LogError where the vehicle is not in the log or never has a position.
     """
-    vehicle = choose(log, system_id)
+    there = vehicles(log)
+    vehicle = choose(log, there, system_id)
     timeline = _timeline(log, vehicle)
     positions, before_fix = _positions(log, vehicle, timeline)
     if not positions[0].size:
@@ -163,7 +163,7 @@ def flight(log: Tlog, system_id: int | None = None) -> Flight:
     rows = rows.take(np.lexsort((number, rows["arrival_ns"])))
     report = damage(log) | {
         "system_id": vehicle.system_id,
-        "systems": {v.system_id: v.kind for v in vehicles(log)},
+        "systems": {str(v.system_id): v.kind for v in there},
         "boots": [_describe(boot) for boot in timeline.boots],
         "positions": positions[0].size,
         "positions_before_fix": before_fix,
