@@ -105,7 +105,10 @@ def legend(scene: Scene, sigma_factor: int) -> str:
     named = colours.of_sensors(scene)
     lines = [("filtered", colours.FILTERED), ("smoothed", colours.SMOOTHED)]
     words = [f'<span style="color:{css(c)}">▬</span> {name}' for name, c in lines]
-    words += [f'<b style="color:{css(colours.OUTLIER)}">✕</b> outlier']
+    words += [
+        f'<b style="color:{css(colours.OUTLIER)}">✕</b> refused position',
+        f"{swatch(colours.OUTLIER)}refused rate",
+    ]
     words += [f"{swatch(colour)}{escape(name)}" for name, colour in named.items()]
     words += [f"3σ ellipsoid ×{sigma_factor}", "grid 100 m, 1 km"]
     return (

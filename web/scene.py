@@ -1,5 +1,7 @@
 """The 3-D picture: where it flew, what the sensors saw, what was refused."""
 
+from collections import defaultdict
+
 import numpy as np
 import viser
 
@@ -7,7 +9,8 @@ from gcs.messages import Scene, State, Verdict
 from web import colours, glyphs
 from web.aircraft import Aircraft
 from web.camera import Cameras
-from web.claims import Claims
+from web.claims import ACCEPTED, MISPLACED, Claims
+from web.colours import Colour
 from web.ground import draw_ground, draw_instrument
 from web.lines import Lines
 from web.trail import Trail, crosses, dots, line
@@ -39,9 +42,12 @@ class Picture:
         self._dot_m = DOT_M
         self._filtered = Trail("/world/filtered", line, self._lines.drawer(colours.FILTERED, 4.0))
         self._smoothed = Trail("/world/smoothed", line, self._lines.drawer(colours.SMOOTHED, 2.0))
-        self._outliers = Trail("/world/outliers", self._crosses, self._lines.drawer(colours.OUTLIER, 2.0))
+        self._misplaced = Trail(
+            "/world/outliers/misplaced", self._crosses, self._lines.drawer(colours.OUTLIER, 2.0)
+        )
+        self._misjudged = self._dots("outliers/misjudged", colours.OUTLIER)
         self._raw: dict[str, Trail] = {}  # by sensor
-        self._claims = Claims(self._settled)
+        self._claims = Claims(lambda sensor, position, kind: self._trail(sensor, kind).add(position))
         self._state: State | None = None
         self._drawn: dict[Trail, State] = {}  # the newest state on each line
 
@@ -60,15 +66,14 @@ class Picture:
         with self._server.atomic():
             if self._state:
                 self._move(self._state)
-            self._filtered.update()
-            self._smoothed.update()
-            accepted, refused = self._claims.pending()
-            self._outliers.update(refused)
-            for sensor in {*self._raw, *accepted}:
-                self._raw_trail(sensor).update(accepted.get(sensor, ()))
+            pending = defaultdict(list)
+            for sensor, position, kind in self._claims.pending():
+                pending[self._trail(sensor, kind)].append(position)
+            for trail in self._trails():
+                trail.update(pending[trail])
 
     def clear(self) -> None:
-        for trail in (self._filtered, self._smoothed, self._outliers, *self._raw.values()):
+        for trail in self._trails():
             trail.clear()
         self._claims.clear()
         self._drawn.clear()
@@ -84,18 +89,22 @@ class Picture:
         self._drawn[trail] = state
         self.cameras.include(state.position_enu_m)
 
-    def _settled(self, sensor: str, position, outlier: bool) -> None:
-        (self._outliers if outlier else self._raw_trail(sensor)).add(position)
+    def _trails(self) -> list[Trail]:
+        return [self._filtered, self._smoothed, self._misplaced, self._misjudged, *self._raw.values()]
 
-    def _raw_trail(self, sensor: str) -> Trail:
+    def _trail(self, sensor: str, kind: str) -> Trail:
+        """Where a claim of that kind is drawn."""
+        if kind != ACCEPTED:
+            return self._misplaced if kind == MISPLACED else self._misjudged
         if sensor not in self._raw:
-            colour = self._colours.get(sensor, colours.GROUND)
-            self._raw[sensor] = Trail(
-                f"/world/raw/{sensor}",
-                dots,
-                lambda name, segments: self._lines.draw(name, segments, colour, self._dot_m, "world"),
-            )
+            self._raw[sensor] = self._dots(f"raw/{sensor}", self._colours.get(sensor, colours.GROUND))
         return self._raw[sensor]
+
+    def _dots(self, name: str, colour: Colour) -> Trail:
+        def draw(name: str, segments: np.ndarray) -> None:
+            self._lines.draw(name, segments, colour, self._dot_m, "world")
+
+        return Trail(f"/world/{name}", dots, draw)
 
     def _move(self, state: State) -> None:
         position = np.array(state.position_enu_m)
@@ -116,7 +125,7 @@ class Picture:
         """A line to the aircraft, or in the outliers' colour to where the instrument wrongly saw it."""
         t_ns, claim = self._claims.newest.get(name, (0, None))
         fresh = claim is not None and abs(state.t_ns - t_ns) < FRESH_NS
-        refused = fresh and claim.outlier
+        refused = fresh and claim.kind == MISPLACED
         head = np.array(glyph.position) + np.array([0, 0, glyphs.HEAD * glyph.scale])
         beam = np.array([[head, claim.position if refused else state.position_enu_m]])
         nothing, path = beam[:0], f"/world/sight/{name}"
@@ -128,5 +137,6 @@ class Picture:
         dot_m = DOT_M * 2 ** (round(2 * octaves) / 2)  # in steps, because a change goes to every chunk
         if dot_m != self._dot_m:
             self._dot_m = dot_m
-            self._lines.set_width("/world/raw/", dot_m)
-            self._outliers.redraw()
+            for under in ("/world/raw/", "/world/outliers/misjudged/"):
+                self._lines.set_width(under, dot_m)
+            self._misplaced.redraw()
