@@ -23,6 +23,7 @@ SILENT_S = 5.0  # a link without the vehicle for so long is reported
 POLL_S = 0.1
 KNOCK_S = 1.0
 CLIP = 32  # bytes of a damaged frame shown
+AUTOPILOT = 1  # MAV_COMP_ID_AUTOPILOT1, the component listened to until a HEARTBEAT came
 
 
 class LinkError(InputError):
@@ -36,7 +37,7 @@ class Decoder:
         self.system_id, self.link = system_id, link
         self.clock = LiveClock()
         self.bad = 0  # damaged frames so far
-        self._component = 1  # MAV_COMP_ID_AUTOPILOT1, until a HEARTBEAT says otherwise
+        self._component: int | None = None  # of the autopilot, known from its HEARTBEAT
         self._forces: dict[str, list[np.ndarray]] = {}  # first samples of each IMU message
         self._restart()
 
@@ -58,8 +59,8 @@ class Decoder:
         if message.get_srcSystem() != self.system_id:
             return None
         if name == "HEARTBEAT" and message.autopilot != autopilot.NO_AUTOPILOT:
-            self._component = message.get_srcComponent()
-        if message.get_srcComponent() != self._component:
+            self._component = min(message.get_srcComponent(), self._component or 255)
+        if message.get_srcComponent() != (self._component or AUTOPILOT):
             return None
         boot_ns = self._boot_ns(message, arrival_ns)
         if name == "SYSTEM_TIME":
