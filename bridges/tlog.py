@@ -214,6 +214,7 @@ def _within(boot: Boot, frame_no: np.ndarray) -> np.ndarray:
 
 
 def _timeline(log: Tlog, vehicle: Vehicle) -> _Timeline:
+    """Boot by boot: tie boot time to UTC, then the receiver's clock to both."""
     boot_ms = frames.boot_times(
         log.data, log.frames, frames.dialect().boot_ms_at, vehicle.system_id, vehicle.component_id
     )
@@ -229,12 +230,10 @@ def _timeline(log: Tlog, vehicle: Vehicle) -> _Timeline:
     for i, (a, b) in enumerate(zip(starts, [*starts[1:], number.size], strict=True)):
         first, stop = (number[a] if i else 0), (number[b] if b < number.size else log.frames.size)
         within = (times["frame_no"] >= first) & (times["frame_no"] < stop)
-        offset_ns, drift = (
-            flightclock.from_system_time(times["time_unix_usec"][within], times_ns[within]),
-            0.0,
-        )
-        source = "receipt" if offset_ns is None else "SYSTEM_TIME"
+        source, drift = "SYSTEM_TIME", 0.0
+        offset_ns = flightclock.from_system_time(times["time_unix_usec"][within], times_ns[within])
         if offset_ns is None:
+            source = "receipt"
             offset_ns, drift = flightclock.lower_envelope(boot_ns[a:b], received_ns[a:b])
         span = int(boot_ns[a:b].min()), int(boot_ns[a:b].max())
         boots.append(Boot(int(first), int(stop), *span, source, offset_ns, drift))
