@@ -7,7 +7,7 @@ the camera, so following never fights the hand on the mouse.
 import numpy as np
 import viser
 
-AWAY = np.array([-0.8, -1.9, 1.25])  # from behind and above, north up, in radii of what is to be seen
+AWAY = np.array([-0.7, -1.7, 1.1])  # from behind and above, north up, in radii of what is to be seen
 NEAR_M = 160.0  # radius of what is to be seen when following
 LEAST_M = 300.0  # the smallest scene
 GROWTH = 1.2  # a camera nobody has moved is set back when the flight has outgrown its sight by so much

@@ -106,11 +106,11 @@ def legend(scene: Scene, sigma_factor: int) -> str:
     lines = [("filtered", colours.FILTERED), ("smoothed", colours.SMOOTHED)]
     words = [f'<span style="color:{css(c)}">▬</span> {name}' for name, c in lines]
     words += [
-        f'<b style="color:{css(colours.OUTLIER)}">✕</b> refused position',
-        f"{swatch(colours.OUTLIER)}refused rate",
+        f'<b style="color:{css(colours.OUTLIER)}">✕</b> outlier',
+        f"{swatch(colours.OUTLIER)}rate outlier",
     ]
     words += [f"{swatch(colour)}{escape(name)}" for name, colour in named.items()]
-    words += [f"3σ ellipsoid ×{sigma_factor}", "grid 100 m, 1 km"]
+    words += [f"3σ ×{sigma_factor}"]
     return (
         STYLE
         + '<div class="gcs">'

@@ -43,7 +43,7 @@ class Picture:
         self._filtered = Trail("/world/filtered", line, self._lines.drawer(colours.FILTERED, 4.0))
         self._smoothed = Trail("/world/smoothed", line, self._lines.drawer(colours.SMOOTHED, 2.0))
         self._misplaced = Trail(
-            "/world/outliers/misplaced", self._crosses, self._lines.drawer(colours.OUTLIER, 2.0)
+            "/world/outliers/misplaced", self._crosses, self._lines.drawer(colours.OUTLIER, 1.3)
         )
         self._misjudged = self._dots("outliers/misjudged", colours.OUTLIER)
         self._raw: dict[str, Trail] = {}  # by sensor

@@ -20,7 +20,7 @@ from web.scene import LAYERS, Picture
 QUEUE = 200_000  # messages; at more than a million a minute the oldest are skipped, counted and shown
 PERIOD_S = 0.1
 PANEL_PERIODS = 3  # the panel is read by people: three times a second is enough
-EVENTS = 4
+EVENTS = 3
 NAMES = {"sight": "lines of sight", "ellipsoid": "3σ ellipsoid", "raw": "raw points"}
 
 
