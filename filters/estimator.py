@@ -54,6 +54,7 @@ class Rows(NamedTuple):
     channel: np.ndarray
     value: np.ndarray
     weight: np.ndarray
+    off: np.ndarray  # value − predicted, the short way round
     predicted: np.ndarray
     sigma: np.ndarray
     nis: np.ndarray  # squared standardised innovation
@@ -63,21 +64,21 @@ class Rows(NamedTuple):
     said: np.ndarray  # weight as published
 
 
-JUDGED = ("weight", "predicted", "sigma", "nis", "verdict", "reason")  # columns that a rewind restores
+JUDGED = ("weight", "off", "predicted", "sigma", "nis", "verdict", "reason")  # columns that a rewind restores
 
 
 def _room(n: int) -> Rows:
-    types = ["i8", "i8", "i2", "i1", "f8", "f8", "f8", "f8", "f8", "i1", "i1", "i1", "f8"]
+    types = ["i8", "i8", "i2", "i1", "f8", "f8", "f8", "f8", "f8", "f8", "i1", "i1", "i1", "f8"]
     return Rows(*(np.zeros(n, t) for t in types))
 
 
 class Moment(NamedTuple):
-    """A state with its time, and each channel's count of consecutive outliers up to then."""
+    """A state with its time, and each channel's run of outliers up to then."""
 
     t_ns: int
     x: np.ndarray  # (n,)
     P: np.ndarray  # (n, n)
-    run: np.ndarray  # (s, 13)
+    run: np.ndarray  # (s, 13, 2), see outlier.label
 
     def copy(self) -> "Moment":
         return Moment(self.t_ns, self.x.copy(), self.P.copy(), self.run.copy())
@@ -133,7 +134,7 @@ class Estimator:
         self._out, self._spare = windows.trace(1024, n, 256), windows.trace(1024, n, 256)
         self._work = windows.scratch(n)
         self._r, self._N = np.zeros(n), np.zeros((n, n))
-        self._near = np.zeros((len(sensors), len(CHANNELS)), bool)
+        self._recent = np.zeros((len(sensors), len(CHANNELS), 2))
         self._newest_ns, self._told, self._marks, self._reset_log = LONG_AGO_NS, 0, [], []
         tally = np.zeros((len(sensors), len(CHANNELS), 3))
         blank = Snapshot(LONG_AGO_NS, 0, 0, None, None, (), tally, 0, np.zeros(0, TRACK))
@@ -263,10 +264,13 @@ class Estimator:
             head.run,
             s.soft,
             s.hard,
+            s.horizon_s > 0,
             self._out,
             self._work,
         )
-        outlier.label(rows.sensor, rows.channel, rows.weight, rows.verdict, rows.reason, begin, end, head.run)
+        outlier.label(
+            rows.sensor, rows.channel, rows.weight, rows.off, rows.verdict, rows.reason, begin, end, head.run
+        )
         self._head = head._replace(t_ns=int(t_ns))
         self._done = end
         return True
@@ -283,9 +287,7 @@ class Estimator:
         self._done = first if fixes else end
         if fixes:
             x, P = start.state(self.model, *fixes[0])
-            self._anchor = Moment(
-                int(rows.t[first]), x, P, np.zeros((len(self.sensors), len(CHANNELS)), np.int64)
-            )
+            self._anchor = Moment(int(rows.t[first]), x, P, np.zeros((len(self.sensors), len(CHANNELS), 2)))
             self._head = self._anchor.copy()
             self._marks = [(first, self._anchor.copy())]
             self._boundary_ns = rows.t[first] // self._cell_ns * self._cell_ns
@@ -339,14 +341,22 @@ class Estimator:
             self._start_again(begin, end, cost)
         self._head.run[:] = self._anchor.run
         outlier.label(
-            rows.sensor, rows.channel, rows.weight, rows.verdict, rows.reason, begin, end, self._head.run
+            rows.sensor,
+            rows.channel,
+            rows.weight,
+            rows.off,
+            rows.verdict,
+            rows.reason,
+            begin,
+            end,
+            self._head.run,
         )
 
     def _settle(self, begin: int, end: int, anchor: Moment, head: Moment, out: windows.Trace) -> float:
         s = self.settings
         return decide.settle(
             self.model, self._rows, begin, end, anchor.x, anchor.P, anchor.t_ns, s.soft, s.hard,
-            head.x, head.P, out, self._work, self._r, self._N, self._near,
+            head.x, head.P, out, self._work, self._r, self._N, self._recent,
         )  # fmt: skip
 
     def _hear(self, begin: int, end: int, weights: np.ndarray, anchor: Moment, cost: float, margin) -> float:
@@ -392,7 +402,7 @@ class Estimator:
             self._anchor = anchor._replace(t_ns=int(t_ns))
             part = (
                 c[begin:cut].copy()
-                for c in (rows.sensor, rows.channel, rows.weight, rows.verdict, rows.reason)
+                for c in (rows.sensor, rows.channel, rows.weight, rows.off, rows.verdict, rows.reason)
             )
             outlier.label(*part, 0, cut - begin, anchor.run)
         return left

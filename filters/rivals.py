@@ -11,7 +11,7 @@ from numba import njit
 from filters import outlier
 
 JUMP = 3.2  # sigmas of a used row's innovation that may be the beginning of a run
-MOSTLY = 0.6  # refused share of a sensor's rows that makes one doubt the others instead
+MOSTLY = 0.6  # refused share of a channel's rows that makes one doubt the others instead
 TOTAL = 0.35  # refused share of all rows that makes one doubt the state itself
 MARGIN = 4.0  # by which a rival's cost has to be lower
 DEEP_MARGIN = 20.0  # the same for the rivals that turn everything round
@@ -45,7 +45,7 @@ def jumps(rows, begin, end, out):
 
 def weights(rows, begin, end, out, sensors: int, deep: bool) -> list[tuple[np.ndarray, float]]:
     """Starting weights (end − begin,) and margin of each rival story; ``deep`` asks for the costly ones too."""
-    weight, sensor = rows.weight[begin:end], rows.sensor[begin:end]
+    weight, sensor, channel = rows.weight[begin:end], rows.sensor[begin:end], rows.channel[begin:end]
     found = []
     for i, j in jumps(rows, begin, end, out):
         other, span = weight.copy(), slice(i - begin, j - begin)
@@ -55,9 +55,13 @@ def weights(rows, begin, end, out, sensors: int, deep: bool) -> list[tuple[np.nd
     if deep:
         refused = weight == 0.0
         for s in range(sensors):
-            mine = sensor == s
-            if refused[mine].sum() > max(MOSTLY * mine.sum(), outlier.RUN):
-                found.append((np.where(mine, 1.0, weight), DEEP_MARGIN))
+            lost = np.zeros(end - begin, bool)
+            for c in np.unique(channel[sensor == s]):
+                mine = (sensor == s) & (channel == c)
+                if refused[mine].sum() > max(MOSTLY * mine.sum(), outlier.RUN):
+                    lost |= mine
+            if lost.any():
+                found.append((np.where(lost, 1.0, weight), DEEP_MARGIN))
         if disagreement(rows, begin, end):
             found.append((np.ones(end - begin), DEEP_MARGIN))
     return found

@@ -29,6 +29,7 @@ class Trace(NamedTuple):
     off: np.ndarray  # (k,) value minus what all other rows predict
     sigma: np.ndarray  # (k,) 1-sigma of that
     next: np.ndarray  # (k,) bool, stands next to an outlier of its channel
+    alike: np.ndarray  # (k,) bool, and may well belong to the same run
     x: np.ndarray  # (k, n) at the first row of each epoch: state before it, after the pass back smoothed
     P: np.ndarray  # (k, n, n) the same for the covariance; fewer entries keep fewer epochs
 
@@ -38,7 +39,7 @@ def trace(rows: int, n: int, keep: int) -> Trace:
     f = np.zeros
     return Trace(
         f((rows, SLOTS), np.int64), f((rows, SLOTS)), f(rows, np.int64), f((rows, n)), f(rows), f(rows), f(rows),
-        f(rows), f(rows, np.bool_), f((keep, n)), f((keep, n, n)),
+        f(rows), f(rows, np.bool_), f(rows, np.bool_), f((keep, n)), f((keep, n, n)),
     )  # fmt: skip
 
 
