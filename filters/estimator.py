@@ -42,7 +42,7 @@ class Settings(NamedTuple):
     hard: float = outlier.HARD  # sigmas; inf takes every value
     horizon_s: float = 1.0  # what later rows may still change; 0: decided at first sight
     lateness_s: float = 1.0  # a row may come so much later than the newest one
-    cell_s: float = 0.1  # data time between two re-decisions
+    cell_s: float = 0.2  # data time between two re-decisions
 
 
 class Rows(NamedTuple):
