@@ -68,6 +68,7 @@ class Rows(NamedTuple):
 
 JUDGED = (
     "noise",
+    "jerk",
     "weight",
     "off",
     "predicted",
