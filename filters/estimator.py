@@ -96,6 +96,15 @@ class Moment(NamedTuple):
         return Moment(self.t_ns, self.x.copy(), self.P.copy(), self.run.copy())
 
 
+class Reset(NamedTuple):
+    """A new beginning, because nothing fitted the old state."""
+
+    row: int  # the first one filtered from here
+    anchor: Moment
+    counted: bool  # the search for the first state is no reset
+    reason: str
+
+
 class Snapshot(NamedTuple):
     """All that is needed to go on from the beginning of a cell."""
 
@@ -108,7 +117,7 @@ class Snapshot(NamedTuple):
     tally: np.ndarray  # (s, 13, 3) of decided rows: used, sum of NIS, refused
     scale: np.ndarray  # (2, s, 13) each channel's last decided residual, and its noise in stated sigmas
     jerk: float  # density of the white jerk now
-    resets: int
+    resets: tuple[Reset, ...]
     left: np.ndarray  # (k,) TRACK smoothed, epochs decided when the cell before ended
 
 
@@ -116,6 +125,7 @@ LONG_AGO_NS = np.iinfo(np.int64).min // 2
 MARK_NS = 1_000_000_000
 HALF_QUALITY_M = 10.0  # position 1-sigma at which quality is 50
 DEEP = 3  # every so many re-decisions hear the costly rivals too
+WITNESSES = 2  # other sensors that it takes to call a run wrong
 START_NS = 1_000_000_000  # rows so far apart may still make a fix together
 METHODS = {
     "default": {},
@@ -126,7 +136,7 @@ METHODS = {
 
 
 def make(method: str, sensors: Sequence[Sensor], settings: Settings | None = None) -> "Estimator":
-    """An estimator by name; ``settings`` override what the method sets. Raises ValueError for an unknown name."""
+    """An estimator by name, which overrides some ``settings``. Raises ValueError for an unknown one."""
     if method not in METHODS:
         raise ValueError(f"unknown method {method!r}; choose one of {', '.join(METHODS)}")
     return Estimator(sensors, (settings or Settings())._replace(**METHODS[method]))
@@ -149,11 +159,12 @@ class Estimator:
         self._work = windows.scratch(n)
         self._r, self._N = np.zeros(n), np.zeros((n, n))
         self._recent = np.zeros((len(sensors), len(CHANNELS), 2))
-        self._newest_ns, self._told, self._marks, self._reset_log = LONG_AGO_NS, 0, [], []
+        self._newest_ns, self._told, self._marks = LONG_AGO_NS, 0, []
+        self._nobody = np.zeros(len(sensors), bool)
         tally = np.zeros((len(sensors), len(CHANNELS), 3))
         scale = np.stack([np.zeros((len(sensors), len(CHANNELS))), np.ones((len(sensors), len(CHANNELS)))])
         blank = Snapshot(
-            LONG_AGO_NS, 0, 0, None, None, (), tally, scale, settings.jerk_psd, 0, np.zeros(0, TRACK)
+            LONG_AGO_NS, 0, 0, None, None, (), tally, scale, settings.jerk_psd, (), np.zeros(0, TRACK)
         )
         self._snapshots, self._smoothed = [blank], []
         self._rewind(blank)
@@ -289,7 +300,16 @@ class Estimator:
             self._work,
         )
         outlier.label(
-            rows.sensor, rows.channel, rows.weight, rows.off, rows.verdict, rows.reason, begin, end, head.run
+            rows.sensor,
+            rows.channel,
+            rows.weight,
+            rows.off,
+            rows.verdict,
+            rows.reason,
+            begin,
+            end,
+            head.run,
+            self._nobody,
         )
         self._head = head._replace(t_ns=int(t_ns))
         self._done = end
@@ -335,7 +355,7 @@ class Estimator:
                 self._jerk,
                 self._resets,
                 left,
-            )  # fmt: skip
+            )
         )
         while len(self._snapshots) > 1 and self._snapshots[1].boundary_ns <= boundary_ns - self._lateness_ns:
             self._snapshots.pop(0)
@@ -365,6 +385,10 @@ class Estimator:
         if deep and rivals.disagreement(rows, begin, end):
             self._start_again(begin, end, cost)
         self._head.run[:] = self._anchor.run
+        used = (
+            np.bincount(rows.sensor[begin:end][rows.weight[begin:end] > 0], minlength=len(self.sensors)) > 0
+        )
+        others = used.sum() - used
         outlier.label(
             rows.sensor,
             rows.channel,
@@ -375,6 +399,7 @@ class Estimator:
             begin,
             end,
             self._head.run,
+            others < WITNESSES,
         )
 
     def _follow_jerk(self, begin: int, end: int, cost: float) -> float:
@@ -403,7 +428,10 @@ class Estimator:
         )  # fmt: skip
 
     def _hear(self, begin: int, end: int, weights: np.ndarray, anchor: Moment, cost: float, margin) -> float:
-        """Settle from other ``weights`` (end − begin,); the story stays if its cost is lower by ``margin``. Returns the lower."""
+        """Settle from other ``weights`` (end − begin,); returns the cost.
+
+        The story stays if its cost is lower than ``cost`` by ``margin``.
+        """
         judged = [(column, column[begin:end].copy()) for column in self._judged()]
         head = self._head.copy()
         self._rows.weight[begin:end] = weights
@@ -419,11 +447,16 @@ class Estimator:
     def _start_again(self, begin: int, end: int, cost: float) -> None:
         """After total disagreement: try the window from its own best-supported fixes."""
         rows, before = self._rows, self._anchor
+        share = (rows.weight[begin:end] == 0.0).mean()
         for x, P in start.candidates(self.model, rows, begin, end, before.x, before.P):
             anchor = Moment(int(rows.t[begin]), x, P, np.zeros_like(before.run))
             cost = self._hear(begin, end, np.ones(end - begin), anchor, cost, rivals.DEEP_MARGIN)
-        if self._anchor is not before and before.t_ns > self._marks[0][1].t_ns:
-            self._resets += 1
+        if self._anchor is not before:
+            reason = (
+                f"{share:.0%} of the last {self.settings.horizon_s:g} s refused: begun again from the sensors"
+            )
+            counted = before.t_ns > self._marks[0][1].t_ns
+            self._resets += (Reset(begin, self._anchor.copy(), counted, reason),)
 
     def _judged(self) -> list[np.ndarray]:
         return [getattr(self._rows, name) for name in JUDGED]
@@ -449,21 +482,20 @@ class Estimator:
         )
         if cut > begin:
             t_ns = windows.ahead(
-                self.model, rows.t, rows.sensor, rows.channel, rows.value, rows.noise, rows.jerk, rows.weight, begin, cut,
-                anchor.x, anchor.P, anchor.t_ns, self._out, self._work,
+                self.model, rows, begin, cut, anchor.x, anchor.P, anchor.t_ns, self._out, self._work,
             )  # fmt: skip
             self._anchor = anchor._replace(t_ns=int(t_ns))
             part = (
                 c[begin:cut].copy()
                 for c in (rows.sensor, rows.channel, rows.weight, rows.off, rows.verdict, rows.reason)
             )
-            outlier.label(*part, 0, cut - begin, anchor.run)
+            outlier.label(*part, 0, cut - begin, anchor.run, self._nobody)
         return left
 
     # ---- what goes out
 
     def _left(self, begin: int, cut: int) -> np.ndarray:
-        """Smoothed track (k,) TRACK of the epochs among rows ``begin`` to ``cut``, from the last re-decision."""
+        """Smoothed track (k,) TRACK of the epochs in rows ``begin`` to ``cut``, as last re-decided."""
         if self.settings.horizon_s == 0:
             return np.zeros(0, TRACK)
         t = self._rows.t[begin:cut]
@@ -479,7 +511,7 @@ class Estimator:
         track["x"][:, 3:6] -= shift * x[:, 6:9]
         sigma_m = np.sqrt(np.trace(P[:, :3, :3], axis1=1, axis2=2))
         track["quality"] = np.round(100.0 / (1.0 + sigma_m / HALF_QUALITY_M))
-        track["reset_counter"] = self._resets
+        track["reset_counter"] = sum(reset.counted for reset in self._resets)
         return track
 
     def _take_smoothed(self) -> np.ndarray:
@@ -505,22 +537,27 @@ class Estimator:
     def report(self) -> dict:
         """Evidence so far, ready for JSON: NIS per channel, systematic errors, counts, resets."""
         x, P = (self._head.x, self._head.P) if self._head else (np.zeros(0), np.zeros((0, 0)))
-        return reports.report(self.sensors, self.model, x, P, self._tally, self._reset_log)
+        log = [{"t_ns": r.anchor.t_ns, "reason": r.reason} for r in self._resets if r.counted]
+        return reports.report(self.sensors, self.model, x, P, self._tally, log)
 
     def smooth(self) -> np.ndarray:
-        """Best estimate of trajectory (k,) TRACK: ahead and back over the whole flight, with final weights."""
+        """Best estimate of trajectory (k,) TRACK: ahead and back over the flight with final weights."""
         rows, model, n = self._rows, self.model, len(self.model.prior)
         r, N = np.zeros(n), np.zeros((n, n))
         parts, end = [], self._size
-        for begin, mark in reversed(self._marks):
+        starts = {row: (mark, False) for row, mark in self._marks}
+        starts |= {reset.row: (reset.anchor, True) for reset in self._resets}
+        for begin in sorted(starts, reverse=True):
+            mark, fresh = starts[begin]
             if begin == end:
                 continue
             out = windows.trace(end - begin, n, end - begin)
             x, P = mark.x.copy(), mark.P.copy()
-            columns = (rows.t, rows.sensor, rows.channel, rows.value, rows.noise, rows.jerk, rows.weight)
-            windows.ahead(model, *columns, begin, end, x, P, mark.t_ns, out, self._work)
-            windows.back(model, rows.t, rows.noise, rows.weight, begin, end, out, r, N, self._work)
+            windows.ahead(model, rows, begin, end, x, P, mark.t_ns, out, self._work)
+            windows.back(model, rows, begin, end, out, r, N, self._work)
             motion.pull_back(r, N, (rows.t[begin] - mark.t_ns) * 1e-9, model.rate)
+            if fresh:
+                r[:], N[:] = 0.0, 0.0
             first = np.flatnonzero(np.diff(rows.t[begin:end], prepend=LONG_AGO_NS))
             parts.append(self._tracks(rows.t[begin + first], out.x[first], out.P[first]))
             end = begin

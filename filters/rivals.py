@@ -20,7 +20,7 @@ MANY = 4  # rivals tried at most for jumps in one re-decision
 
 @njit(cache=True)
 def jumps(rows, begin, end, out):
-    """(k, 2) spans of rows i ≤ … < j that one channel may have been believed wrongly, by their first innovation."""
+    """(k, 2) spans i ≤ … < j over which a channel may have been believed wrongly, by its first innovation."""
     spans, size, found = np.zeros((MANY, 2), np.int64), np.zeros(MANY), 0
     for i in range(begin, end):
         z = out.v[i - begin] ** 2 / out.S[i - begin]
@@ -44,7 +44,7 @@ def jumps(rows, begin, end, out):
 
 
 def weights(rows, begin, end, out, sensors: int, deep: bool) -> list[tuple[np.ndarray, float]]:
-    """Starting weights (end − begin,) and margin of each rival story; ``deep`` asks for the costly ones too."""
+    """Starting weights (end − begin,) and margin of each rival; ``deep`` asks for the costly ones too."""
     weight, sensor, channel = rows.weight[begin:end], rows.sensor[begin:end], rows.channel[begin:end]
     found = []
     for i, j in jumps(rows, begin, end, out):
