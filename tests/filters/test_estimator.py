@@ -99,7 +99,7 @@ def test_four_percent_outliers_cost_next_to_nothing():
 
 
 def test_smoothing_equals_the_textbook_on_a_linear_problem():
-    """Deletion residuals and smoothed states by brute force: one big least-squares problem per left-out row."""
+    """Deletion residuals and smoothed states by brute force: one big joint Gaussian, row by row."""
     rng = np.random.default_rng(0)
     used = sensors(["ins"])
     built = model.build(used, 10.0, 2.5, 90.0)
