@@ -71,6 +71,7 @@ def summary(case: Case, method: str, runs: list[dict]) -> dict:
         "found_patch": _share(*found["patch"]),
         "false_per_10000": 1e4 * _share(*found["false"]),
         "nees_mean": float(nees.mean()),
+        "oracle_nees": float(np.mean([r["oracle_nees"] for r in runs])),
         "nees_in_band": float(np.mean(np.abs(nees - 1.0) <= half)),
         "nis_in_band": float(np.mean(inside)),
     }

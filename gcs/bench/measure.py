@@ -66,6 +66,7 @@ def _figures(case: Case, flight: Flight, oracle: Run, method: str, seed: int, se
         "seen": score.detection(flight, run.verdicts),
         "nis": score.nis(run.report),
         "nees": score.nees(run.track, flight.truth),
+        "oracle_nees": float(np.mean(score.nees(oracle.track, flight.truth))) / 3.0,
         "patches": score.patches(flight, run.track, oracle.track),
     }
     if case.wrong != simulate.NO_ERRORS:
