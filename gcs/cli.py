@@ -105,7 +105,7 @@ def run(
     from gcs import config as configuration
     from gcs.station import serve
 
-    serve(configuration.load(station, config), out, view, method, _stopped_after(seconds))
+    serve(configuration.load(station, config), out, view, method, _stopped(), seconds)
 
 
 @app.command
@@ -121,7 +121,7 @@ def demo(
     """The sample flight with theodolites and a radar, live through Zenoh, in the browser."""
     from gcs import demo as demonstration
 
-    demonstration.run(_stopped_after(seconds), view, out, config)
+    demonstration.run(_stopped(), seconds, view, out, config)
 
 
 @app.command
@@ -146,7 +146,7 @@ def mavlink(
     from gcs import config as configuration
 
     resolved = configuration.load(station, config)
-    stop = _stopped_after(None)
+    stop = _stopped()
     with _bridge_bus(resolved) as bus:
         source.run(link or resolved.mavlink.link, resolved.vehicle.system_id, bus, stop)
 
@@ -188,7 +188,7 @@ def accuracy(
     method: Annotated[tuple[str, ...], Parameter(consume_multiple=True, negative="")] = ("default",),
     out: Path | None = None,
 ) -> None:
-    """Every case, or those named, over many seeds: error as a ratio to the filter that is told the outliers."""
+    """Every case, or those named, over many seeds; errors as ratios to the filter told the outliers."""
     from gcs.bench import accuracy as bench_accuracy
 
     bench_accuracy.run(seeds, first_seed, seconds, cases, method, out=out)
@@ -223,7 +223,7 @@ def _instrument(
     origin = file or _address(udp)
     with _bridge_bus(resolved) as bus:
         source = {"theodolite": theodolite, "radar": radar}[kind]
-        stop = _stopped_after(None)
+        stop = _stopped()
         source.run(bus, name, origin, stop, **({"speed": speed} if file else {}))
 
 
@@ -269,14 +269,10 @@ def _on_signal(action) -> None:
         signal.signal(number, lambda *_: action())
 
 
-def _stopped_after(seconds: float | None) -> threading.Event:
-    """An event that SIGINT, SIGTERM or the end of ``seconds`` sets."""
+def _stopped() -> threading.Event:
+    """An event that SIGINT or SIGTERM sets."""
     stop = threading.Event()
     _on_signal(stop.set)
-    if seconds is not None:
-        timer = threading.Timer(seconds, stop.set)
-        timer.daemon = True
-        timer.start()
     return stop
 
 

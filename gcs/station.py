@@ -43,9 +43,10 @@ def serve(
     view: bool,
     method: str,
     stop: threading.Event,
+    seconds: float | None = None,
     beside: Callable[[ExitStack], threading.Event] | None = None,
 ) -> None:
-    """Run until ``stop``.
+    """Run until ``stop``, or for ``seconds`` from when the station is ready.
 
     ``beside`` is called when the station is ready: the demo starts its feeds there, and returns an event that
     says when they are over.
@@ -74,6 +75,10 @@ def serve(
         say(f"bus: {station.bus.endpoint}   keys: {station.range.name}/{station.vehicle.name}/…")
         if shown:
             say(f"view: {shown.url}   (Ctrl-C ends)")
+        if seconds is not None:
+            timer = threading.Timer(seconds, stop.set)
+            timer.daemon = True
+            timer.start()
         live.run(session, feeds, beside(stack) if beside else stop)
         if shown and not stop.is_set():
             say("the flight is over; the view stays until Ctrl-C")
