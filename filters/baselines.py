@@ -92,9 +92,7 @@ class Baseline:
         noise, jerk = self.model.variance[sensor, channel], np.full(len(rows), self.model.jerk_psd)
         given = windows.Given(t, sensor, channel, rows["value"], noise, jerk, weight)
         out, work = windows.trace(end, n, end), windows.scratch(n)
-        windows.ahead(
-            self.model, t, sensor, channel, rows["value"], noise, jerk, weight, 0, end, x, P, t[0], out, work
-        )
+        windows.ahead(self.model, given, 0, end, x, P, t[0], out, work)
         r, N = np.zeros(n), np.zeros((n, n))
         windows.back(self.model, given, 0, end, out, r, N, work)
         first = np.flatnonzero(np.diff(t, prepend=t[0] - 1))

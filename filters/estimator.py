@@ -125,6 +125,7 @@ LONG_AGO_NS = np.iinfo(np.int64).min // 2
 MARK_NS = 1_000_000_000
 HALF_QUALITY_M = 10.0  # position 1-sigma at which quality is 50
 DEEP = 3  # every so many re-decisions hear the costly rivals too
+YOUNG_NS = 5_000_000_000  # so long the first fix itself may be doubted for one channel's sake
 WITNESSES = 2  # other sensors that it takes to call a run wrong
 START_NS = 1_000_000_000  # rows so far apart may still make a fix together
 METHODS = {
@@ -382,8 +383,10 @@ class Estimator:
         deep = self._boundary_ns // self._cell_ns % DEEP == 0
         for weights, margin in rivals.weights(rows, begin, end, self._out, len(self.sensors), deep):
             cost = self._hear(begin, end, weights, self._anchor, cost, margin)
-        if deep and rivals.disagreement(rows, begin, end):
-            self._start_again(begin, end, cost)
+        young = self._anchor.t_ns < self._marks[0][1].t_ns + YOUNG_NS
+        unheard = young and rivals.lost(rows, begin, end, len(self.sensors))
+        if deep and (unheard or rivals.disagreement(rows, begin, end)):
+            self._start_again(begin, end, cost, not young)
         self._head.run[:] = self._anchor.run
         used = (
             np.bincount(rows.sensor[begin:end][rows.weight[begin:end] > 0], minlength=len(self.sensors)) > 0
@@ -444,7 +447,7 @@ class Estimator:
             column[begin:end] = was
         return cost
 
-    def _start_again(self, begin: int, end: int, cost: float) -> None:
+    def _start_again(self, begin: int, end: int, cost: float, counted: bool) -> None:
         """After total disagreement: try the window from its own best-supported fixes."""
         rows, before = self._rows, self._anchor
         share = (rows.weight[begin:end] == 0.0).mean()
@@ -455,7 +458,6 @@ class Estimator:
             reason = (
                 f"{share:.0%} of the last {self.settings.horizon_s:g} s refused: begun again from the sensors"
             )
-            counted = before.t_ns > self._marks[0][1].t_ns
             self._resets += (Reset(begin, self._anchor.copy(), counted, reason),)
 
     def _judged(self) -> list[np.ndarray]:
