@@ -17,10 +17,13 @@ SETTLED = 0.05  # a change of weight that is no change
 def admit(model, rows, begin, end, x, P, t_ns, run, soft, hard, out, work):
     """Filter one epoch's rows, each on first sight, in place; fills their weight, predicted and sigma.
 
+    The predicted state goes to ``out.x[0]``, ``out.P[0]``.
+
     Where one looks wrong, those that agree best with the prediction go first and sharpen it for the rest:
     the sensors vote at the same instant. ``run`` (s, 13) counts each channel's consecutive outliers.
     """
     predict(x, P, (rows.t[begin] - t_ns) * 1e-9, model.jerk_psd, model.rate, model.prior)
+    out.x[0], out.P[0] = x, P
     index, gain, m = out.index[0], out.gain[0], out.m[0]
     doubt = np.zeros(end - begin)
     for i in range(begin, end):

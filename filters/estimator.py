@@ -9,12 +9,13 @@ Everything follows from the rows in order of time. A late row winds the estimato
 it and goes on from there, so what is final does not depend on the order of arrival.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from filters import decide, ins, motion, outlier, start
+from filters import correction as corrections
+from filters import decide, ins, m1, motion, outlier, start
 from filters import model as models
 from filters import report as reports
 from filters import window as windows
@@ -106,21 +107,41 @@ METHODS = {
     "ukf": {"hard": np.inf, "soft": np.inf, "horizon_s": 0.0},
     "gate": {"hard": 4.0, "soft": 4.0, "horizon_s": 0.0},
     "igg": {"hard": 8.5, "soft": 1.5, "horizon_s": 0.0},
+    "ga-bp-ukf": {"hard": m1.NOTHING, "soft": m1.C, "horizon_s": 0.0},
 }
+HANDLING = {"ga-bp-ukf": (m1.admit, m1.label)}  # how fresh rows are decided and named; else the default
 
 
-def make(method: str, sensors: Sequence[Sensor], settings: Settings | None = None) -> "Estimator":
+def make(
+    method: str,
+    sensors: Sequence[Sensor],
+    settings: Settings | None = None,
+    correction: Callable = corrections.off,
+) -> "Estimator":
     """An estimator by name; ``settings`` override what the method sets. Raises ValueError for an unknown name."""
     if method not in METHODS:
         raise ValueError(f"unknown method {method!r}; choose one of {', '.join(METHODS)}")
-    return Estimator(sensors, (settings or Settings())._replace(**METHODS[method]))
+    handling = HANDLING.get(method, (decide.admit, outlier.label))
+    return Estimator(sensors, (settings or Settings())._replace(**METHODS[method]), handling, correction)
 
 
 class Estimator:
-    """See the module's text. ``sensors`` in the order of ROW's ``sensor``."""
+    """See the module's text. ``sensors`` in the order of ROW's ``sensor``.
 
-    def __init__(self, sensors: Sequence[Sensor], settings: Settings):
+    ``correction`` makes of each epoch's predicted and updated state the one that is published; as
+    `corrections.off`.
+    """
+
+    def __init__(
+        self,
+        sensors: Sequence[Sensor],
+        settings: Settings,
+        handling: tuple[Callable, Callable] = (decide.admit, outlier.label),
+        correction: Callable = corrections.off,
+    ):
         self.sensors, self.settings = tuple(sensors), settings
+        self._admit, self._label = handling
+        self._correction = correction
         self.model = models.build(
             sensors, settings.jerk_psd, settings.ins_bias_sigma_m, settings.ins_bias_tau_s
         )
@@ -139,7 +160,7 @@ class Estimator:
 
     def warm_up(self) -> None:
         """Compile everything, or fetch it from the cache, before the first measurement."""
-        twin = Estimator(self.sensors, self.settings)
+        twin = Estimator(self.sensors, self.settings, (self._admit, self._label), self._correction)
         said = [(s, c) for s, sensor in enumerate(self.sensors) for c in np.flatnonzero(sensor.sigma > 0)]
         rows = np.zeros(2 * len(said), ROW)
         for k, (s, c) in enumerate(said + said):
@@ -156,7 +177,9 @@ class Estimator:
         while self._done < self._size:
             if self._epoch() and self._head.t_ns > self._newest_ns:
                 self._newest_ns = self._head.t_ns
-                track[count] = self._tracks([self._head.t_ns], self._head.x[None], self._head.P[None])[0]
+                head, out = self._head, self._out
+                x = self._correction(out.x[0], out.P[0], head.x, head.P)
+                track[count] = self._tracks([head.t_ns], x[None], head.P[None])[0]
                 count += 1
         return Step(track[:count], self._take_smoothed(), np.concatenate([refused, self._changed()]))
 
@@ -249,7 +272,7 @@ class Estimator:
         if cell_ns > self._boundary_ns:
             self._close(cell_ns)
         head, s = self._head, self.settings
-        decide.admit(
+        self._admit(
             self.model,
             rows,
             begin,
@@ -263,7 +286,7 @@ class Estimator:
             self._out,
             self._work,
         )
-        outlier.label(rows.sensor, rows.channel, rows.weight, rows.verdict, rows.reason, begin, end, head.run)
+        self._label(rows.sensor, rows.channel, rows.weight, rows.verdict, rows.reason, begin, end, head.run)
         self._head = head._replace(t_ns=int(t_ns))
         self._done = end
         return True
