@@ -89,6 +89,16 @@ def samples(x0, P0, x1, P1, truth):
     return u, e
 
 
+@njit(cache=True)
+def sigmas_of(x0, P):
+    """`sigmas` of k covariances (k, n, n), along the courses of ``x0`` (k, n): (k, 9)."""
+    out = np.empty((len(x0), CORE))
+    for i in range(len(x0)):
+        s, c = heading(x0[i])
+        sigmas(P[i], s, c, out[i])
+    return out
+
+
 @njit(cache=True, fastmath=True)
 def respond(net, u, e):
     """The network's output for inputs ``u`` (9,), in sigmas, into ``e`` (9,)."""
@@ -108,6 +118,15 @@ def respond(net, u, e):
             e[i] += net.w2[i, j] * hidden
     for i in range(CORE):
         e[i] = fade * net.gain[i] * (e[i] + net.b2[i])
+
+
+@njit(cache=True)
+def respond_all(net, u):
+    """`respond` for ``u`` (k, 9): (k, 9)."""
+    out = np.empty_like(u)
+    for i in range(len(u)):
+        respond(net, u[i], out[i])
+    return out
 
 
 @njit(cache=True, fastmath=True)

@@ -67,7 +67,7 @@ class Rows(NamedTuple):
 JUDGED = ("weight", "predicted", "sigma", "nis", "verdict", "reason")  # columns that a rewind restores
 
 
-def _room(n: int) -> Rows:
+def room(n: int) -> Rows:
     types = ["i8", "i8", "i2", "i1", "f8", "f8", "f8", "f8", "f8", "i1", "i1", "i1", "f8"]
     return Rows(*(np.zeros(n, t) for t in types))
 
@@ -149,7 +149,7 @@ class Estimator:
         self._cell_ns, self._horizon_ns, self._lateness_ns = (
             round(1e9 * s) for s in (settings.cell_s, settings.horizon_s, settings.lateness_s)
         )
-        self._rows, self._size, self._done, self._final = _room(4096), 0, 0, 0
+        self._rows, self._size, self._done, self._final = room(4096), 0, 0, 0
         self._out, self._work = windows.trace(1024, n, 256), windows.scratch(n)
         self._r, self._N = np.zeros(n), np.zeros((n, n))
         self._newest_ns, self._told, self._marks, self._reset_log = LONG_AGO_NS, 0, [], []
