@@ -61,7 +61,7 @@ def run(
         "range": dict(limit=net.limit.round(3).tolist(), gain=net.gain.round(3).tolist()),
         "held_out": held_out,
         "total": total(held_out),
-        "starts": starts(split, plan, compare, say) if compare else {},
+        "starts": starts(split, plan, compare) if compare else {},
     }
     out.mkdir(parents=True, exist_ok=True)
     (out / "report.json").write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
@@ -132,7 +132,7 @@ def earns(held_out: list[dict]) -> bool:
     return position["ratio"] <= WORTH and position["worst"] <= WORSE
 
 
-def starts(split: Split, plan: train.Plan, count: int, say: Callable[[str], None]) -> dict:
+def starts(split: Split, plan: train.Plan, count: int) -> dict:
     """``count`` trainings each from improved roulette, classic roulette and random weights, all in one batch.
 
     Error: mean squared, sigma², on the held-out flights, of networks with gain 1.
@@ -147,7 +147,6 @@ def starts(split: Split, plan: train.Plan, count: int, say: Callable[[str], None
             "parents": float(np.mean([one.parents.mean() for one in runs])),
             "fitness": float(np.mean([one.fitness[-1] / one.fitness[0] for one in runs])),
         }
-        say(f"{count} genetic starts, {name} roulette")
     begun["random"] = train.random_starts(count, plan.hidden, np.random.default_rng(99))
     out["random"] = {}
     trained = train.backpropagate(np.concatenate(list(begun.values())), fit, unseen, plan)

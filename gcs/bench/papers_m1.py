@@ -11,7 +11,7 @@ import numpy as np
 
 from filters import correction, estimator, m1, model, scenario, simulate, train, window
 from filters.rows import CHANNELS, Sensor
-from gcs import train as training
+from gcs import train as training  # the command's split, gains and report
 from gcs.bench import baselines_m1 as baselines
 from gcs.bench.baselines_m1 import Filtered
 from gcs.training import Flown
@@ -30,6 +30,9 @@ PLAN = train.Plan(epochs=20)
 THEODOLITE_HZ, THEODOLITE_SIGMA = 20.0, np.array([1.0, np.radians(0.003), np.radians(0.003)])
 STEP_20_S = 1.0 / THEODOLITE_HZ
 ACCEL_PSD = 25.0  # m²/s³: 5 m/s² held for a second, an ordinary turn
+ALPHA = 0.3  # of the α-β filter
+SETTLE_S = 2.0  # not scored
+LOST_M = 10.0
 DEG = 180.0 / np.pi
 PAPER = {"bp-ekf": (31.5347, 12.1745, 18.8466, 9.7875), "ga-bp-ukf": (9.0323, 9.6778, 11.9063, 6.5939)}
 
@@ -90,23 +93,32 @@ def m1_ukf(z, sigma, x, P, step_s, jerk_psd, soft=m1.C, hard=m1.NOTHING) -> Filt
     return out
 
 
-def learn(method: Callable, plan: train.Plan, genetic: bool, start_m: float = START_M) -> correction.Network:
-    """The network that corrects ``method``, from flights in every direction, with a genetic start or a random one."""
+def lessons(method: Callable, start_m: float = START_M, runs: int = LEARN_RUNS) -> training.Split:
+    """What ``method`` did in ``runs`` flights in every direction, beside what it should have done."""
     rng = np.random.default_rng(7)
     flights = []
-    for _ in range(LEARN_RUNS // GROUP):
-        runs = [fly(rng, any_path(rng), start_m) for _ in range(GROUP)]
-        done = [method(r.z, SIGMA, r.x, r.P, STEP_S, JERK_PSD) for r in runs]
+    for _ in range(runs // GROUP):
+        group = [fly(rng, any_path(rng), start_m) for _ in range(GROUP)]
+        done = [method(r.z, SIGMA, r.x, r.P, STEP_S, JERK_PSD) for r in group]
         x0, P0, x1, P1 = (np.concatenate(column) for column in zip(*done, strict=True))
-        u, e = correction.samples(x0, P0, x1, P1, np.concatenate([r.truth for r in runs]))
+        u, e = correction.samples(x0, P0, x1, P1, np.concatenate([r.truth for r in group]))
         flights.append(Flown("", u, e, correction.sigmas_of(x0, P1)))
-    split = training.divide(flights)
+    return training.divide(flights)
+
+
+def learn(split: training.Split, plan: train.Plan, genetic: bool) -> correction.Network:
+    """The network that ``split`` teaches, from a genetic start or a random one."""
     fit, check = training.pool(split.fit), training.pool(split.check)
     if genetic:
         starts = train.genetic_start(*fit, plan, plan.seed).best[None]
     else:
         starts = train.random_starts(1, plan.hidden, np.random.default_rng(plan.seed))
     return training.assemble(train.backpropagate(starts, fit, check, plan).weights[0], plan, split)
+
+
+def starts(count: int = 20, plan: train.Plan = PLAN) -> dict:
+    """Genetic starts against random ones on what an EKF leaves to learn; see `gcs.train.starts`."""
+    return training.starts(lessons(baselines.ekf), plan, count)
 
 
 def corrected(net: correction.Network | None, done: Filtered) -> np.ndarray:
@@ -131,9 +143,9 @@ def tuned(method: Callable, start_m: float = START_M) -> float:
 def simulations(runs: int = RUNS, start_m: float = START_M, plan: train.Plan = PLAN) -> dict:
     """Simulations 1 and 2: {method: {mae_m, rmse_m, rmse_outliers_m}}, mean absolute and RMS position error per axis."""
     methods = {
-        "ga-bp-ukf": (m1_ukf, learn(m1_ukf, plan, True, start_m), JERK_PSD),
+        "ga-bp-ukf": (m1_ukf, learn(lessons(m1_ukf, start_m), plan, True), JERK_PSD),
         "the same, no network": (m1_ukf, None, JERK_PSD),
-        "bp-ekf": (baselines.ekf, learn(baselines.ekf, plan, False, start_m), JERK_PSD),
+        "bp-ekf": (baselines.ekf, learn(lessons(baselines.ekf, start_m), plan, False), JERK_PSD),
         "ekf": (baselines.ekf, None, JERK_PSD),
         "ekf, tuned": (baselines.ekf, None, tuned(baselines.ekf, start_m)),
         "classic ukf, tuned": (baselines.classic_ukf, None, tuned(baselines.classic_ukf, start_m)),
@@ -174,30 +186,40 @@ def start_table(runs: int = RUNS, starts_m=(10.0, 30.0, 50.0, 100.0)) -> list[di
     return out
 
 
-def smoothness(seeds: int = 20) -> dict:
-    """Mean gradient of the filtered range, azimuth, elevation beside their true RMS error: {method: {...}}.
+def smoothness(level: str, seeds: int = 20) -> dict:
+    """Mean gradient of the filtered range, azimuth, elevation beside their true RMS error, medians over seeds.
 
-    One theodolite (range 1 m, angles 0.003°, 20 Hz, 4.1 % outliers, isolated and in runs) sees a minute of normal
-    flight. The gradient of the truth itself is the figure a perfect filter would have.
+    One theodolite (range 1 m, angles 0.003°, 20 Hz, 4.1 % outliers, isolated and in runs) and the INS see a minute of a
+    flight of one of ``scenario.LEVELS``. {method: (6,) as `_score`, "lost": flights with 10 m of range error or more}.
+    The gradient of the truth is the figure a perfect filter would have. The wavelet sees the whole record, so what
+    compares with it is the smoothed track.
     """
     found = {}
     for seed in range(seeds):
         rng = np.random.default_rng(8000 + seed)
-        truth = scenario.flight(60.0, 100.0, "normal", rng)
+        truth = scenario.flight(60.0, 100.0, level, rng)
         noise = np.full(len(CHANNELS), np.nan)
         noise[:3] = THEODOLITE_SIGMA
-        sensor = Sensor("theodolite", "theodolite", noise, np.array([600.0, -400.0, 0.0]))
-        seen = simulate.instrument(truth, sensor, THEODOLITE_HZ, rng)
+        theodolite = Sensor("theodolite", "theodolite", noise, np.array([600.0, -400.0, 0.0]))
+        inertial = Sensor("ins", "ins", np.r_[np.full(4, np.nan), np.repeat([0.3, 0.2, 1.5], 3)])
+        seen = simulate.instrument(truth, theodolite, THEODOLITE_HZ, rng)
         seen = simulate.contaminate(seen, noise[seen.channels], rng, 0.041)
-        channels = {"raw": seen.values[:, :3], "truth": seen.clean[:, :3]}
-        channels["adaptive kalman + wavelet"] = _by_channel(seen, _adaptive_wavelet)
-        channels["alpha-beta"] = _by_channel(seen, lambda z, sigma, psd: baselines.alpha_beta(z, STEP_20_S, 0.3))
+        rows, _ = simulate.rows([seen, simulate.ins(truth, rng, simulate.InsErrors(latency_s=0.0))])
+        values = {"truth": seen.clean[:, :3], "raw": seen.values[:, :3]}
+        values["adaptive kalman + wavelet"] = _by_channel(seen, _adaptive_wavelet)
+        values["alpha-beta"] = _by_channel(seen, lambda z, sigma, psd: baselines.alpha_beta(z, STEP_20_S, ALPHA))
         for method in ("ga-bp-ukf", "default"):
-            channels[method] = _track(method, sensor, seen)
-        settled = slice(round(2 * THEODOLITE_HZ), None)
-        for name, values in channels.items():
-            found.setdefault(name, []).append(_score(values[settled], seen.clean[settled, :3]))
-    return {name: np.mean(scores, axis=0).tolist() for name, scores in found.items()}
+            runner = estimator.make(method, [theodolite, inertial])
+            values[method] = _polar(runner.step(rows).track, theodolite, seen)
+            runner.finish()
+            values[f"{method}, smoothed"] = _polar(runner.smooth(), theodolite, seen)
+        settled = slice(round(SETTLE_S * THEODOLITE_HZ), -1)
+        for name, channels in values.items():
+            found.setdefault(name, []).append(_score(channels[settled], seen.clean[settled, :3]))
+    return {
+        name: {"median": np.median(scores, axis=0).tolist(), "lost": int((np.array(scores)[:, 3] >= LOST_M).sum())}
+        for name, scores in found.items()
+    }
 
 
 def _score(values: np.ndarray, clean: np.ndarray) -> list[float]:
@@ -221,11 +243,7 @@ def _adaptive_wavelet(z, sigma, psd):
     return baselines.adaptive_wavelet(z, sigma, STEP_20_S, psd)
 
 
-def _track(method: str, sensor: Sensor, seen: simulate.Observation) -> np.ndarray:
-    """(m, 3) range, azimuth, elevation of the causal track; NaN before it begins."""
-    rows, _ = simulate.rows([seen])
-    track = estimator.make(method, [sensor]).step(rows).track
-    out = np.full((len(seen.t_ns), 3), np.nan)
-    at = np.searchsorted(seen.t_ns, track["t_ns"])
-    out[at] = baselines.observe((track["x"][:, :3] - sensor.offset_m) @ sensor.rotation.T)
-    return out
+def _polar(track: np.ndarray, sensor: Sensor, seen: simulate.Observation) -> np.ndarray:
+    """(m, 3) range, azimuth, elevation of (k,) TRACK at the times of ``seen``."""
+    at = np.searchsorted(track["t_ns"], seen.t_ns).clip(max=len(track) - 1)
+    return baselines.observe((track["x"][at, :3] - sensor.offset_m) @ sensor.rotation.T)
