@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from filters import correction as corrections
-from filters import decide, ins, m1, motion, outlier, start
+from filters import decide, ins, m1, motion, outlier, rivals, start
 from filters import model as models
 from filters import report as reports
 from filters import window as windows
@@ -55,6 +55,7 @@ class Rows(NamedTuple):
     channel: np.ndarray
     value: np.ndarray
     weight: np.ndarray
+    off: np.ndarray  # value − predicted, the short way round
     predicted: np.ndarray
     sigma: np.ndarray
     nis: np.ndarray  # squared standardised innovation
@@ -64,21 +65,22 @@ class Rows(NamedTuple):
     said: np.ndarray  # weight as published
 
 
-JUDGED = ("weight", "predicted", "sigma", "nis", "verdict", "reason")  # columns that a rewind restores
+JUDGED = ("weight", "off", "predicted", "sigma", "nis", "verdict", "reason")  # columns that a rewind restores
 
 
 def room(n: int) -> Rows:
-    types = ["i8", "i8", "i2", "i1", "f8", "f8", "f8", "f8", "f8", "i1", "i1", "i1", "f8"]
+    """Empty rows, ``n`` of them."""
+    types = ["i8", "i8", "i2", "i1", "f8", "f8", "f8", "f8", "f8", "f8", "i1", "i1", "i1", "f8"]
     return Rows(*(np.zeros(n, t) for t in types))
 
 
 class Moment(NamedTuple):
-    """A state with its time, and each channel's count of consecutive outliers up to then."""
+    """A state with its time, and each channel's run of outliers up to then."""
 
     t_ns: int
     x: np.ndarray  # (n,)
     P: np.ndarray  # (n, n)
-    run: np.ndarray  # (s, 13)
+    run: np.ndarray  # (s, 13, 2), see outlier.label
 
     def copy(self) -> "Moment":
         return Moment(self.t_ns, self.x.copy(), self.P.copy(), self.run.copy())
@@ -101,6 +103,7 @@ class Snapshot(NamedTuple):
 LONG_AGO_NS = np.iinfo(np.int64).min // 2
 MARK_NS = 1_000_000_000
 HALF_QUALITY_M = 10.0  # position 1-sigma at which quality is 50
+DEEP = 3  # every so many re-decisions hear the costly rivals too
 START_NS = 1_000_000_000  # rows so far apart may still make a fix together
 METHODS = {
     "default": {},
@@ -150,8 +153,10 @@ class Estimator:
             round(1e9 * s) for s in (settings.cell_s, settings.horizon_s, settings.lateness_s)
         )
         self._rows, self._size, self._done, self._final = room(4096), 0, 0, 0
-        self._out, self._work = windows.trace(1024, n, 256), windows.scratch(n)
+        self._out, self._spare = windows.trace(1024, n, 256), windows.trace(1024, n, 256)
+        self._work = windows.scratch(n)
         self._r, self._N = np.zeros(n), np.zeros((n, n))
+        self._recent = np.zeros((len(sensors), len(CHANNELS), 2))
         self._newest_ns, self._told, self._marks, self._reset_log = LONG_AGO_NS, 0, [], []
         tally = np.zeros((len(sensors), len(CHANNELS), 3))
         blank = Snapshot(LONG_AGO_NS, 0, 0, None, None, (), tally, 0, np.zeros(0, TRACK))
@@ -283,10 +288,13 @@ class Estimator:
             head.run,
             s.soft,
             s.hard,
+            s.horizon_s > 0,
             self._out,
             self._work,
         )
-        self._label(rows.sensor, rows.channel, rows.weight, rows.verdict, rows.reason, begin, end, head.run)
+        self._label(
+            rows.sensor, rows.channel, rows.weight, rows.off, rows.verdict, rows.reason, begin, end, head.run
+        )
         self._head = head._replace(t_ns=int(t_ns))
         self._done = end
         return True
@@ -303,9 +311,7 @@ class Estimator:
         self._done = first if fixes else end
         if fixes:
             x, P = start.state(self.model, *fixes[0])
-            self._anchor = Moment(
-                int(rows.t[first]), x, P, np.zeros((len(self.sensors), len(CHANNELS)), np.int64)
-            )
+            self._anchor = Moment(int(rows.t[first]), x, P, np.zeros((len(self.sensors), len(CHANNELS), 2)))
             self._head = self._anchor.copy()
             self._marks = [(first, self._anchor.copy())]
             self._boundary_ns = rows.t[first] // self._cell_ns * self._cell_ns
@@ -345,18 +351,63 @@ class Estimator:
             self._marks.append((snapshot.decided, snapshot.anchor))
 
     def _redecide(self, begin: int, end: int) -> None:
-        """Weigh all rows of the window again; the head follows."""
-        n, s = len(self.model.prior), self.settings
-        if end - begin > len(self._out.v):
-            self._out = windows.trace(2 * (end - begin), n, 256)
-        head, anchor = self._head, self._anchor
-        decide.redecide(
-            self.model, self._rows, begin, end, anchor.x, anchor.P, anchor.t_ns, s.soft, s.hard,
-            head.x, head.P, self._out, self._work, self._r, self._N,
-        )  # fmt: skip
-        head.run[:] = anchor.run
+        """Weigh all rows of the window again, hear the rivals, take the best story; the head follows."""
         rows = self._rows
-        outlier.label(rows.sensor, rows.channel, rows.weight, rows.verdict, rows.reason, begin, end, head.run)
+        if end - begin > len(self._out.v):
+            self._out, self._spare = (
+                windows.trace(2 * (end - begin), len(self._head.x), 256) for _ in range(2)
+            )
+        cost = self._settle(begin, end, self._anchor, self._head, self._out)
+        deep = self._boundary_ns // self._cell_ns % DEEP == 0
+        for weights, margin in rivals.weights(rows, begin, end, self._out, len(self.sensors), deep):
+            cost = self._hear(begin, end, weights, self._anchor, cost, margin)
+        if deep and rivals.disagreement(rows, begin, end):
+            self._start_again(begin, end, cost)
+        self._head.run[:] = self._anchor.run
+        outlier.label(
+            rows.sensor,
+            rows.channel,
+            rows.weight,
+            rows.off,
+            rows.verdict,
+            rows.reason,
+            begin,
+            end,
+            self._head.run,
+        )
+
+    def _settle(self, begin: int, end: int, anchor: Moment, head: Moment, out: windows.Trace) -> float:
+        s = self.settings
+        return decide.settle(
+            self.model, self._rows, begin, end, anchor.x, anchor.P, anchor.t_ns, s.soft, s.hard,
+            head.x, head.P, out, self._work, self._r, self._N, self._recent,
+        )  # fmt: skip
+
+    def _hear(self, begin: int, end: int, weights: np.ndarray, anchor: Moment, cost: float, margin) -> float:
+        """Settle from other ``weights`` (end − begin,); the story stays if its cost is lower by ``margin``. Returns the lower."""
+        judged = [(column, column[begin:end].copy()) for column in self._judged()]
+        head = self._head.copy()
+        self._rows.weight[begin:end] = weights
+        other = self._settle(begin, end, anchor, head, self._spare)
+        if other < cost - margin:
+            self._out, self._spare = self._spare, self._out
+            self._anchor, self._head = anchor, head
+            return other
+        for column, was in judged:
+            column[begin:end] = was
+        return cost
+
+    def _start_again(self, begin: int, end: int, cost: float) -> None:
+        """After total disagreement: try the window from its own best-supported fixes."""
+        rows, before = self._rows, self._anchor
+        for x, P in start.candidates(self.model, rows, begin, end, before.x, before.P):
+            anchor = Moment(int(rows.t[begin]), x, P, np.zeros_like(before.run))
+            cost = self._hear(begin, end, np.ones(end - begin), anchor, cost, rivals.DEEP_MARGIN)
+        if self._anchor is not before and before.t_ns > self._marks[0][1].t_ns:
+            self._resets += 1
+
+    def _judged(self) -> list[np.ndarray]:
+        return [getattr(self._rows, name) for name in JUDGED]
 
     def _leave(self, begin: int, cut: int) -> np.ndarray:
         """Decide rows ``begin`` to ``cut`` for good: the anchor passes them; returns their smoothed track."""
@@ -375,7 +426,7 @@ class Estimator:
             self._anchor = anchor._replace(t_ns=int(t_ns))
             part = (
                 c[begin:cut].copy()
-                for c in (rows.sensor, rows.channel, rows.weight, rows.verdict, rows.reason)
+                for c in (rows.sensor, rows.channel, rows.weight, rows.off, rows.verdict, rows.reason)
             )
             outlier.label(*part, 0, cut - begin, anchor.run)
         return left

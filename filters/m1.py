@@ -21,10 +21,11 @@ NOTHING = 8.0  # sigmas from which β = 0
 
 
 @njit(cache=True)
-def admit(model, rows, begin, end, x, P, t_ns, run, soft, hard, out, work):
+def admit(model, rows, begin, end, x, P, t_ns, run, soft, hard, patient, out, work):
     """Filter one epoch's rows in place, as `decide.admit` does: ``soft`` is C, ``hard`` is where β reaches 0.
 
-    ``run`` (s, 13) is the count of consecutive outliers so far, kept by `label`. Fills weight (β), predicted, sigma, nis of the rows, and the prediction into ``out.x[0]``, ``out.P[0]``.
+    ``run`` (s, 13, 2) holds the counts of consecutive outliers so far, kept by `label`. ``patient`` means nothing here. Fills
+    weight (β), off, predicted, sigma, nis of the rows, and the prediction into ``out.x[0]``, ``out.P[0]``.
     The covariance goes with the gain: βK is the best gain for a noise that makes the innovation S/β.
     """
     predict(x, P, (rows.t[begin] - t_ns) * 1e-9, model.jerk_psd, model.rate, model.prior)
@@ -35,9 +36,9 @@ def admit(model, rows, begin, end, x, P, t_ns, run, soft, hard, out, work):
         seen, variance, _ = predict_row(model, s, c, x, P, index, gain, m, work)
         d, sigma = difference(c, rows.value[i], seen), np.sqrt(variance + model.variance[s, c])
         beta = outlier.weight(d / sigma, soft, hard)
-        if beta < 1.0 and run[s, c] + 1 >= outlier.RUN:
+        if beta < 1.0 and run[s, c, 0] + 1 >= outlier.RUN:
             beta = 0.0
-        rows.weight[i], rows.predicted[i], rows.sigma[i] = beta, rows.value[i] - d, sigma
+        rows.weight[i], rows.off[i], rows.predicted[i], rows.sigma[i] = beta, d, rows.value[i] - d, sigma
         rows.nis[i] = (d / sigma) ** 2
     for i in range(begin, end):
         if rows.weight[i] > 0.0:
@@ -48,21 +49,22 @@ def admit(model, rows, begin, end, x, P, t_ns, run, soft, hard, out, work):
 
 
 @njit(cache=True)
-def label(sensor, channel, weight, verdict, reason, begin, end, run):
-    """Name rows ``begin`` to ``end`` by their β and count the outliers in ``run`` (s, 13), in place.
+def label(sensor, channel, weight, off, verdict, reason, begin, end, run):
+    """Name rows ``begin`` to ``end`` by their β and count the outliers in ``run``, in place; as `outlier.label`.
 
     When a run becomes a patch, its first members are renamed.
     """
     for i in range(begin, end):
         s, c = sensor[i], channel[i]
-        run[s, c] = run[s, c] + 1 if weight[i] < 1.0 else 0
-        if run[s, c] == 0:
+        run[s, c, 0] = run[s, c, 0] + 1.0 if weight[i] < 1.0 else 0.0
+        run[s, c, 1] = off[i]
+        if run[s, c, 0] == 0.0:
             verdict[i], reason[i] = USED, outlier.NONE
-        elif run[s, c] < outlier.RUN:
+        elif run[s, c, 0] < outlier.RUN:
             verdict[i], reason[i] = ISOLATED, outlier.INNOVATION
         else:
             verdict[i], reason[i] = PATCH, outlier.IN_RUN
-        if run[s, c] == outlier.RUN:
+        if run[s, c, 0] == outlier.RUN:
             left, k = outlier.RUN - 1, i - 1
             while left > 0 and k >= 0:
                 if sensor[k] == s and channel[k] == c:

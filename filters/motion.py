@@ -15,7 +15,7 @@ JERK_PSD = (
 )
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True)  # without fastmath: its reordering would cost P its exact symmetry
 def predict(x, P, dt, jerk_psd, rate, variance):
     """Move ``x`` (n,) and ``P`` (n, n) ahead by ``dt`` seconds, in place.
 
@@ -48,7 +48,7 @@ def predict(x, P, dt, jerk_psd, rate, variance):
     _add_noise(P, dt, jerk_psd)
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True)
 def _add_noise(P, dt, jerk_psd):
     """White jerk over ``dt``: Bar-Shalom et al., eq. 6.2.3-9, per axis."""
     d2 = dt * dt

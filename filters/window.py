@@ -28,6 +28,8 @@ class Trace(NamedTuple):
     S: np.ndarray  # (k,) its variance at full weight
     off: np.ndarray  # (k,) value minus what all other rows predict
     sigma: np.ndarray  # (k,) 1-sigma of that
+    next: np.ndarray  # (k,) bool, stands next to an outlier of its channel
+    alike: np.ndarray  # (k,) bool, and may well belong to the same run
     x: np.ndarray  # (k, n) at the first row of each epoch: state before it, after the pass back smoothed
     P: np.ndarray  # (k, n, n) the same for the covariance; fewer entries keep fewer epochs
 
@@ -37,7 +39,7 @@ def trace(rows: int, n: int, keep: int) -> Trace:
     f = np.zeros
     return Trace(
         f((rows, SLOTS), np.int64), f((rows, SLOTS)), f(rows, np.int64), f((rows, n)), f(rows), f(rows), f(rows),
-        f(rows), f((keep, n)), f((keep, n, n)),
+        f(rows), f(rows, np.bool_), f(rows, np.bool_), f((keep, n)), f((keep, n, n)),
     )  # fmt: skip
 
 
@@ -46,7 +48,7 @@ def scratch(n: int) -> np.ndarray:
     return np.zeros((16, n))
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True)  # without fastmath: its reordering would cost P its exact symmetry
 def update(x, P, m, v, S):
     """Condition ``x`` and ``P`` on one innovation, in place: ``m`` = P h, ``S`` its variance with noise."""
     n = x.size

@@ -33,7 +33,7 @@ Config = Annotated[
 def main() -> None:
     """Entry point."""
     try:
-        app(exit_on_error=False, print_error=False)
+        app(sys.argv[1:], exit_on_error=False, print_error=False)
     except CycloptsError as error:
         _refuse(" ".join(str(error).split()) + "; see gcs --help")
     except InputError as error:
@@ -61,6 +61,7 @@ def replay(
     from gcs import config as configuration
     from gcs import replay as driver
     from gcs.console import say
+    from gcs.health import Files
     from gcs.record import stamp
     from gcs.sinks import new_session, open_bus, open_view, targets
 
@@ -78,7 +79,7 @@ def replay(
         def session():
             if shown:
                 shown.clear()
-            return new_session(resolved, loaded.frame, folder, method, targets(bus, shown))
+            return new_session(resolved, loaded.frame, folder, method, targets(bus, shown), Files())
 
         _on_signal(playback.stop)
         summary = driver.run(loaded, session, playback, stay=view)

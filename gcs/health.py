@@ -1,7 +1,8 @@
 """Health of the feeds: rates, ages and outlier shares over the last ten seconds of data, once a second."""
 
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from typing import Protocol
 
 import numpy as np
 
@@ -15,17 +16,35 @@ SILENT_S = 2.0  # no data for this long is worth an operator's attention
 OUTLIERS = [VERDICTS.index(name) for name in ("isolated", "patch", "invalid")]
 
 
+class Feeds(Protocol):
+    """What only the source of the measurements knows."""
+
+    def latency_s(self, name: str) -> float: ...
+
+    def alive(self, name: str) -> bool: ...
+
+    def queue_age_s(self) -> float: ...
+
+
+class Files:
+    """The feeds of a replay: always there, never late."""
+
+    def latency_s(self, name: str) -> float:
+        return 0.0
+
+    def alive(self, name: str) -> bool:
+        return True
+
+    def queue_age_s(self) -> float:
+        return 0.0
+
+
 class Monitor:
     """Watches the verdicts go by. All times are the data's own."""
 
-    def __init__(
-        self,
-        sensors: list[str],
-        extras: Callable[[], dict] = dict,
-        latency_s: Callable[[str], float] = lambda _: 0.0,
-    ):
+    def __init__(self, sensors: list[str], feeds: Feeds):
         self.now_ns = 0
-        self._sensors, self._extras, self._latency_s = sensors, extras, latency_s
+        self._sensors, self._feeds = sensors, feeds
         self._newest = dict.fromkeys(sensors, 0)
         self._recent = {name: deque() for name in sensors}  # (t_ns, measurements, rows, outliers)
         self._totals = {name: [0, 0] for name in sensors}
@@ -41,11 +60,8 @@ class Monitor:
             yield from self._events(update)
         if self.now_ns >= self._next_ns:
             self._next_ns = self.now_ns + PERIOD_NS
-            yield Health(
-                t_ns=self.now_ns,
-                sensors={name: self._health(name) for name in self._sensors},
-                **self._extras(),
-            )
+            sensors = {name: self._health(name) for name in self._sensors}
+            yield Health(t_ns=self.now_ns, sensors=sensors, queue_age_s=self._feeds.queue_age_s())
 
     def ages_s(self, t_ns: int) -> dict[str, float]:
         """Age of each sensor's newest measurement at ``t_ns``; silent sensors are left out."""
@@ -69,14 +85,16 @@ class Monitor:
         recent = self._recent[name]
         while recent and recent[0][0] < self.now_ns - SPAN_NS:
             recent.popleft()
-        _, measurements, rows, outliers = np.sum(recent, axis=0) if recent else (0, 0, 0, 0)
+        measurements, rows, outliers = (
+            sum(column) for column in list(zip(*recent, strict=True))[1:] or [[]] * 3
+        )
         age_s = (self.now_ns - self._newest[name]) / 1e9 if self._newest[name] else None
         return SensorHealth(
-            rate_hz=float(measurements) / (SPAN_NS / 1e9),
+            rate_hz=measurements / (SPAN_NS / 1e9),
             age_s=age_s,
-            outlier_share=float(outliers) / rows if rows else 0.0,
-            latency_s=self._latency_s(name),
-            alive=age_s is not None and age_s < SILENT_S,
+            outlier_share=outliers / rows if rows else 0.0,
+            latency_s=self._feeds.latency_s(name),
+            alive=self._feeds.alive(name),
             rows=self._totals[name][0],
             outliers=self._totals[name][1],
         )

@@ -83,11 +83,11 @@ def m1_ukf(z, sigma, x, P, step_s, jerk_psd, soft=m1.C, hard=m1.NOTHING) -> Filt
     rows.t[:], rows.channel[:] = np.repeat(np.arange(1, n + 1) * round(step_s * 1e9), 3), np.tile([0, 1, 2], n)
     rows.value[:] = z.ravel()
     out, scratch, work = baselines.room(n), window.trace(3, 9, 1), window.scratch(9)
-    run, t_ns, x, P = np.zeros((1, len(CHANNELS)), np.int64), 0, x.copy(), P.copy()
+    run, t_ns, x, P = np.zeros((1, len(CHANNELS), 2)), 0, x.copy(), P.copy()
     for k in range(n):
         span = (3 * k, 3 * k + 3)
-        m1.admit(about, rows, *span, x, P, t_ns, run, soft, hard, scratch, work)
-        m1.label(rows.sensor, rows.channel, rows.weight, rows.verdict, rows.reason, *span, run)
+        m1.admit(about, rows, *span, x, P, t_ns, run, soft, hard, False, scratch, work)
+        m1.label(rows.sensor, rows.channel, rows.weight, rows.off, rows.verdict, rows.reason, *span, run)
         t_ns = rows.t[3 * k]
         out.x0[k], out.P0[k], out.x1[k], out.P1[k] = scratch.x[0], scratch.P[0], x, P
     return out
