@@ -1,9 +1,9 @@
-"""The learned part: a small network that adds to the state what the filter's own correction says is still wrong.
+"""The learned part: a small network that reads in the filter's own correction what is still wrong.
 
 Input and output follow the GA-BP-UKF paper: in goes X(k+1|k+1) − X(k+1|k), out comes an estimate of
-X_true − X(k+1|k+1). Both are put in a form that does not depend on geometry, rate or noise, so that one network
-serves all: turned into along-track, right and up (by the predicted velocity), and divided by the filter's own 1-sigma
-there, the input by that of the prediction, the output by that of the updated state.
+X_true − X(k+1|k+1). Both are put in a form that does not depend on geometry, rate or noise, so that one
+network serves all: turned into along-track, right and up (by the predicted velocity), and divided by the
+filter's own 1-sigma there, the input by that of the prediction, the output by that of the updated state.
 
     e = gain · fade · (W₂ tanh(W₁ u + b₁) + b₂)
 
@@ -73,7 +73,8 @@ def sigmas(P, s, c, out):
 def samples(x0, P0, x1, P1, truth):
     """Network inputs and desired outputs, both (k, 9), of k updates.
 
-    ``x0``, ``P0`` predicted, ``x1``, ``P1`` updated, ``truth`` true: (k, n) and (k, n, n), n ≥ 9, station ENU.
+    ``x0``, ``P0`` predicted, ``x1``, ``P1`` updated, ``truth`` true: (k, n) and (k, n, n), n ≥ 9,
+    station ENU.
     """
     k = len(x0)
     u, e = np.empty((k, CORE)), np.empty((k, CORE))
@@ -131,7 +132,7 @@ def respond_all(net, u):
 
 @njit(cache=True, fastmath=True)
 def correct(net, x0, P0, x1, P1, out):
-    """The corrected state into ``out`` (9,): ``x0``, ``P0`` predicted and ``x1``, ``P1`` updated, station ENU."""
+    """The corrected state into ``out`` (9,) from ``x0``, ``P0`` predicted and ``x1``, ``P1`` updated."""
     u, sigma, e = np.empty(CORE), np.empty(CORE), np.empty(CORE)
     s, c = heading(x0)
     for i in range(CORE):

@@ -60,7 +60,9 @@ def evolve(
 ) -> Evolution:
     """Let ``population`` (n, l), n a multiple of 4, evolve; ``fitness_of`` maps (n, l) to (n,) > 0."""
     if len(population) % 4:
-        raise ValueError(f"population of {len(population)}: half of it pairs up, so it must be a multiple of 4")
+        raise ValueError(
+            f"population of {len(population)}: half of it pairs up, so it must be a multiple of 4"
+        )
     fitness = fitness_of(population)
     best, top = population[fitness.argmax()], fitness.max()
     tops, spread, different = [top], [_diversity(population)], []

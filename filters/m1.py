@@ -2,8 +2,8 @@
 
 Innovation d and its standard deviation σ per component, both from the prediction; normal is |d| ≤ C σ.
 An isolated outlier keeps a part β < 1 of its gain, the smaller the larger the innovation. Consecutive
-outliers of a component are counted: from the ``outlier.RUN``-th on they are a patch, and the prediction replaces
-the measurement (β = 0). β as a function of |d|/σ is left open there: IGG-III's (`outlier.weight`) is taken.
+outliers of a component are counted: from the ``outlier.RUN``-th on they are a patch, and the prediction
+replaces the measurement (β = 0). How β follows |d|/σ is left open there: IGG-III's weight is taken.
 """
 
 import numpy as np
@@ -24,8 +24,9 @@ NOTHING = 8.0  # sigmas from which β = 0
 def admit(model, rows, begin, end, x, P, t_ns, run, soft, hard, patient, out, work):
     """Filter one epoch's rows in place, as `decide.admit` does: ``soft`` is C, ``hard`` is where β reaches 0.
 
-    ``run`` (s, 13, 2) holds the counts of consecutive outliers so far, kept by `label`. ``patient`` means nothing here. Fills
-    weight (β), off, predicted, sigma, nis of the rows, and the prediction into ``out.x[0]``, ``out.P[0]``.
+    ``run`` (s, 13, 2) holds the counts of consecutive outliers so far, kept by `label`; ``patient`` means
+    nothing here. Fills weight (β), off, predicted, sigma, nis of the rows, and puts the predicted state into
+    ``out.x[0]``, ``out.P[0]``.
     The covariance goes with the gain: βK is the best gain for a noise that makes the innovation S/β.
     """
     predict(x, P, (rows.t[begin] - t_ns) * 1e-9, model.jerk_psd, model.rate, model.prior)
@@ -50,7 +51,7 @@ def admit(model, rows, begin, end, x, P, t_ns, run, soft, hard, patient, out, wo
 
 @njit(cache=True)
 def label(sensor, channel, weight, off, verdict, reason, begin, end, run):
-    """Name rows ``begin`` to ``end`` by their β and count the outliers in ``run``, in place; as `outlier.label`.
+    """Name rows ``begin`` to ``end`` by their β, count outliers in ``run``, in place; as `outlier.label`.
 
     When a run becomes a patch, its first members are renamed.
     """

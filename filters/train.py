@@ -1,7 +1,7 @@
 """Training the correction network: BP from starts that a genetic algorithm has found, or from random ones.
 
-Every function takes k networks at once, as weights in a row (k, l), and runs them in one batch, on a GPU where
-there is one. The only place that knows torch.
+Every function takes k networks at once, as weights in a row (k, l), and runs them in one batch, on a GPU
+where there is one. The only place that knows torch.
 """
 
 from typing import NamedTuple

@@ -1,12 +1,13 @@
 """The correction network's file: weights with what they were trained by, on, and to what effect. JSON."""
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import msgspec
 import numpy as np
 
-from filters.correction import CORE, Network
+from filters.correction import CORE, Correction, Network, off
 from gcs.messages import InputError
 
 
@@ -26,7 +27,9 @@ class NetworkFile(msgspec.Struct, forbid_unknown_fields=True):
 
 def save(path: Path, net: Network, training: dict, data: dict, held_out: dict) -> None:
     """Write a network, weights to 7 digits."""
-    weights = {name: np.vectorize(lambda v: float(f"{v:.7g}"))(a).tolist() for name, a in net._asdict().items()}
+    weights = {
+        name: np.vectorize(lambda v: float(f"{v:.7g}"))(a).tolist() for name, a in net._asdict().items()
+    }
     about = {"training": training, "data": data, "held_out": held_out}
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(json.dumps(weights | about, indent=1) + "\n", encoding="utf-8")
@@ -40,10 +43,17 @@ def load(path: Path) -> Network:
     except OSError as error:
         raise InputError(f"{path}: {error.strerror}; `gcs train` writes such files") from None
     except (msgspec.DecodeError, ValueError) as error:
-        raise InputError(f"{path}: not a correction network: {error}; `gcs train` writes such files") from None
+        raise InputError(
+            f"{path}: not a correction network: {error}; `gcs train` writes such files"
+        ) from None
     h = net.b1.size
     shapes = [(h, CORE), (h,), (CORE, h), (CORE,), (CORE,), (CORE,)]
     for name, array, shape in zip(Network._fields, net, shapes, strict=True):
         if array.shape != shape:
             raise InputError(f"{path}: {name} has shape {array.shape}, expected {shape}")
     return net
+
+
+def correction_of(text: str) -> Callable:
+    """What ``--correction`` means: off, or the network in a file."""
+    return off if text == "off" else Correction(load(Path(text)))

@@ -1,11 +1,15 @@
 """``gcs train``: learn the correction, test it on flights never seen, install it only if it helped.
 
-Flights are split three ways, never within a flight: fit, check (stops the training, sets the gains) and held out.
-Everything follows from the seed; a training that was stopped goes on where it was.
+Flights are split three ways, never within a flight: fit, check (stops the training, sets the gains) and held
+out. Everything follows from the seed; flights already flown are not flown again.
+
+The correction goes into what is published and not back into the filter, so the filter's NIS is the same with
+and without it. What can change is the squared error by the filter's own sigma: that is in the report.
 """
 
 import json
 from collections.abc import Callable
+from importlib.util import find_spec
 from pathlib import Path
 from typing import NamedTuple
 
@@ -15,8 +19,10 @@ from filters import correction, train
 from filters.correction import Network
 from filters.estimator import Settings
 from gcs import network, training
+from gcs.messages import InputError
 from gcs.training import Flown
 
+FIRST_FLIGHT = 1000  # times seed + 1: no two seeds fly the same
 EVERY = 5  # of five flights three are for the fit, one checks, one is held out
 INSIDE = 0.999  # share of the training inputs that lie in the range
 BEARABLE = 0.1  # quantile over the check flights of the gain that is best for each
@@ -43,37 +49,49 @@ def run(
     install: Path | None,
     say: Callable[[str], None],
 ) -> bool:
-    """Train into the folder ``out``: flights, network.json, report.json. Returns whether the network is good.
+    """Train into folder ``out``: flights, network.json, report.json. Returns whether the network helps.
 
-    ``flights`` simulated ones and run ``folders``; ``compare`` trainings of each kind of start go into the report.
+    ``flights`` simulated ones and run ``folders``; ``compare`` trainings of each kind of start for the report.
+    Raises InputError where torch is missing or too few flights are given.
     """
-    first = 1000 * (plan.seed + 1)
+    if find_spec("torch") is None:
+        raise InputError("training needs torch: pip install 'gcs-trajectory[train]'")
+    if flights + len(folders) < EVERY:
+        raise InputError(
+            f"--flights {flights}: training needs {EVERY} flights or more, to learn and to check"
+        )
+    first = FIRST_FLIGHT * (plan.seed + 1)
     split = divide(training.gather(range(first, first + flights), folders, settings, out, _steps(say)))
-    say(f"{len(split.fit)} flights to learn from, {len(split.check)} to check, {len(split.held_out)} held out")
-    evolution = train.genetic_start(*pool(split.fit), plan, plan.seed)
-    say(f"genetic start: fitness × {evolution.fitness[-1] / evolution.fitness[0]:.2f} in {plan.generations} generations")
-    trained = train.backpropagate(evolution.best[None], pool(split.fit), pool(split.check), plan)
-    net = assemble(trained.weights[0], plan, split)
+    say(f"{len(split.fit)} flights to learn, {len(split.check)} to check, {len(split.held_out)} held out")
+    net = learn(split, plan)
     held_out = [effect(net, flown) for flown in split.held_out]
     report = {
-        "training": plan._asdict() | {"filter": settings._asdict(), "flights": flights, "check_error": float(trained.error[0])},
+        "training": plan._asdict() | {"filter": settings._asdict(), "flights": flights},
         "data": {name: [flown.name for flown in part] for name, part in split._asdict().items()},
-        "range": dict(limit=net.limit.round(3).tolist(), gain=net.gain.round(3).tolist()),
+        "network": {"limit": net.limit.round(3).tolist(), "gain": net.gain.round(3).tolist()},
         "held_out": held_out,
         "total": total(held_out),
         "starts": starts(split, plan, compare) if compare else {},
     }
-    out.mkdir(parents=True, exist_ok=True)
     (out / "report.json").write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
     network.save(out / "network.json", net, report["training"], report["data"], report["total"])
-    for line in table(report):
-        say(line)
     good = earns(held_out)
     if good and install:
         install.parent.mkdir(parents=True, exist_ok=True)
         install.write_bytes((out / "network.json").read_bytes())
-    say(verdict(good, report["total"], install))
+    for line in [*table(report), verdict(good, report["total"], install)]:
+        say(line)
     return good
+
+
+def learn(split: Split, plan: train.Plan, genetic: bool = True) -> Network:
+    """The network that ``split`` teaches, from a genetic start or a random one."""
+    fit, check = pool(split.fit), pool(split.check)
+    if genetic:
+        start = train.genetic_start(*fit, plan, plan.seed).best[None]
+    else:
+        start = train.random_starts(1, plan.hidden, np.random.default_rng(plan.seed))
+    return assemble(train.backpropagate(start, fit, check, plan).weights[0], plan, split)
 
 
 def divide(flights: list[Flown]) -> Split:
@@ -88,8 +106,8 @@ def divide(flights: list[Flown]) -> Split:
 def assemble(weights: np.ndarray, plan: train.Plan, split: Split) -> Network:
     """Weights (l,), the range they were trained in, and the gains that the check flights bear.
 
-    The gain best for one flight and output is the least-squares one, Σ e ê / Σ ê². A low quantile of it is taken,
-    so that an output that does harm to one flight in ten is off.
+    The gain best for one flight and output is the least-squares one, Σ e ê / Σ ê². A low quantile of it is
+    taken, so that an output that does harm to one flight in ten is off.
     """
     u, _ = pool(split.fit)
     limit = np.quantile(np.abs(u), INSIDE, axis=0)
@@ -102,7 +120,7 @@ def assemble(weights: np.ndarray, plan: train.Plan, split: Split) -> Network:
 
 
 def effect(net: Network, flown: Flown) -> dict:
-    """One flight without and with the correction: RMS errors, and squared error by the filter's own sigma (1 is right)."""
+    """One flight without and with the correction: RMS errors, and squared error in sigmas (1 is right)."""
     left = flown.e - correction.respond_all(net, flown.u)
     out = {"flight": flown.name, "epochs": len(flown.u)}
     for name, k in (("position_m", 0), ("velocity_mps", 3), ("acceleration_mps2", 6)):
@@ -155,39 +173,42 @@ def starts(split: Split, plan: train.Plan, count: int) -> dict:
     ):
         spread = np.quantile(error, [0.0, 0.25, 0.5, 0.75, 1.0])
         out[name] |= {"before": float(np.median(first)), "after": spread.tolist()}
-    out["off"] = float((np.clip(unseen[1], -train.LOST, train.LOST) ** 2).mean())
-    return out
+    nothing = float((np.clip(unseen[1], -train.LOST, train.LOST) ** 2).mean())
+    return out | {"no network": {"after": [nothing] * 5}}
 
 
 def table(report: dict) -> list[str]:
     """The report as lines for the terminal."""
-    lines = [f"{'held-out flight':22s} {'position m':>22s} {'velocity m/s':>22s} {'error²/sigma²':>16s}"]
+    kinds = ("position_m", "velocity_mps", "acceleration_mps2")
+    lines = [
+        f"{'held-out flight':20s}" + "".join(f"{kind + ' off, on':>26s}" for kind in kinds) + "  error²/σ²"
+    ]
     for one in report["held_out"]:
-        p, v, n = one["position_m"], one["velocity_mps"], one["nees"]
-        lines.append(
-            f"{one['flight']:22s} {p['off']:7.3f} {p['on']:7.3f} {p['ratio']:6.3f}"
-            f" {v['off']:7.3f} {v['on']:7.3f} {v['ratio']:6.3f} {n['off']:8.2f} {n['on']:7.2f}"
-        )
+        errors = "".join(f"{one[k]['off']:10.3f}{one[k]['on']:8.3f}{one[k]['ratio']:8.3f}" for k in kinds)
+        lines.append(f"{one['flight']:20s}{errors}{one['nees']['off']:7.2f}{one['nees']['on']:6.2f}")
     for name, one in report["starts"].items():
-        if name != "off":
-            low, _, middle, _, high = one["after"]
-            lines.append(
-                f"start {name:9s} error before BP {one['before']:.4f}, after {low:.4f} {middle:.4f} {high:.4f}"
-                + (f", diversity left {one['diversity']:.2f}, parents {one['parents']:.1f}" if "parents" in one else "")
-            )
+        low, _, middle, _, high = one["after"]
+        line = f"{name:18s} mean squared error after BP {low:.4f} … {middle:.4f} … {high:.4f}"
+        if "parents" in one:
+            line += f", diversity left {one['diversity']:.2f}, parents {one['parents']:.1f}"
+        lines.append(line)
     return lines
 
 
 def verdict(good: bool, totals: dict, install: Path | None) -> str:
     """One line: what was done with the network, and why."""
-    position = totals["position_m"]
-    figures = f"position error on held-out flights × {position['ratio']:.3f}, worst flight × {position['worst']:.3f}"
+    ratios = ", ".join(
+        f"{kind} × {one['ratio']:.3f} (worst {one['worst']:.3f})" for kind, one in totals.items()
+    )
     if not good:
-        return f"{figures}: does not earn its place, not installed"
-    return f"{figures}: " + (f"installed as {install}" if install else "good; use it with --correction FILE")
+        return f"held-out flights: {ratios}: position no better, not installed"
+    return f"held-out flights: {ratios}: " + (
+        f"installed as {install}" if install else "use it with --correction"
+    )
 
 
 def pool(flights: list[Flown]) -> tuple[np.ndarray, np.ndarray]:
+    """(u, e) of all ``flights``, (m, 9) each."""
     return np.concatenate([flown.u for flown in flights]), np.concatenate([flown.e for flown in flights])
 
 

@@ -34,7 +34,9 @@ class Flown(NamedTuple):
     name: str
     u: np.ndarray  # (k, 9) network input, as from `correction.samples`
     e: np.ndarray  # (k, 9) desired output, sigmas
-    sigma: np.ndarray  # (k, 9) the filter's 1-sigma along-track, right, up: e · sigma is the error in m, m/s, m/s²
+    sigma: (
+        np.ndarray
+    )  # (k, 9) the filter's 1-sigma along-track, right, up: e · sigma is the error in m, m/s, m/s²
 
 
 class Recorder:
@@ -54,7 +56,7 @@ class Recorder:
 
 
 def fly(name, sensors: list[Sensor], rows, truth: scenario.Truth, t0_ns: int, settings: Settings) -> Flown:
-    """Filter (n,) ROW with the default method and hold it against ``truth``, whose time counts from ``t0_ns``."""
+    """Filter (n,) ROW with the default method and hold it against ``truth``, timed from ``t0_ns``."""
     recorder = Recorder()
     track = estimator.make("default", sensors, settings, recorder).step(rows).track
     t_s = (track["t_ns"] - t0_ns) * 1e-9
@@ -115,7 +117,9 @@ def from_run(folder: Path, settings: Settings) -> Flown:
     """
     for name in ("station.toml", "verdicts.csv", "truth.csv"):
         if not (folder / name).is_file():
-            raise InputError(f"{folder / name}: missing; a flight to train on is a run folder with a truth.csv")
+            raise InputError(
+                f"{folder / name}: missing; a flight to train on is a run folder with a truth.csv"
+            )
     station = config.load(folder / "station.toml", ())
     origin = station.range.origin
     if origin is None:
@@ -149,14 +153,21 @@ def _read_rows(path: Path, sensors: list[tuple[str, float]]) -> np.ndarray:
     place = {name: (index, round(late_s * 1e9)) for index, (name, late_s) in enumerate(sensors)}
     with path.open(newline="", encoding="utf-8") as file:
         lines = [
-            line for line in csv.DictReader(file) if line["value"] and line["verdict"] not in ("invalid", "duplicate")
+            line
+            for line in csv.DictReader(file)
+            if line["value"] and line["verdict"] not in ("invalid", "duplicate")
         ]
     rows = np.zeros(len(lines), ROW)
     for row, line in zip(rows, lines, strict=True):
         sensor, late_ns = place[line["sensor"]]
         channel = CHANNELS.index(line["channel"])
         value = np.radians(float(line["value"])) if ANGLES[channel] else float(line["value"])
-        row["t_ns"], row["sensor"], row["channel"], row["value"] = int(line["t_ns"]) - late_ns, sensor, channel, value
+        row["t_ns"], row["sensor"], row["channel"], row["value"] = (
+            int(line["t_ns"]) - late_ns,
+            sensor,
+            channel,
+            value,
+        )
     rows = rows[np.argsort(rows["t_ns"], kind="stable")]
     rows["id"] = np.arange(len(rows))
     return rows
@@ -165,7 +176,7 @@ def _read_rows(path: Path, sensors: list[tuple[str, float]]) -> np.ndarray:
 def gather(
     numbers: range, folders: list[Path], settings: Settings, out: Path, progress: Callable[[int, int], None]
 ) -> list[Flown]:
-    """All flights, simulated ``numbers`` and run ``folders``; those that lie in ``out`` already are not flown again."""
+    """All flights, simulated ``numbers`` and run ``folders``; what lies in ``out`` is not flown again."""
     cache = out / f"flights-{zlib.crc32(repr(settings).encode()):08x}"
     cache.mkdir(parents=True, exist_ok=True)
     wanted = [(f"simulated-{n}", simulated, n) for n in numbers]

@@ -1,6 +1,6 @@
 """What the GA-BP-UKF paper compares itself with, and two more everybody knows.
 
-The trajectory filters share one shape: measurements (n, 3) of range m, azimuth rad, elevation rad once a step,
+The trajectory filters share one shape: measurements (n, 3) of range m, azimuth, elevation rad once a step and
 the start's state (9,) and covariance in; `Filtered` out. The channel filters take one channel (n,) each.
 """
 
@@ -45,7 +45,9 @@ def ekf(z: np.ndarray, sigma: np.ndarray, x: np.ndarray, P: np.ndarray, step_s: 
     return out
 
 
-def classic_ukf(z: np.ndarray, sigma: np.ndarray, x: np.ndarray, P: np.ndarray, step_s: float, jerk_psd: float):
+def classic_ukf(
+    z: np.ndarray, sigma: np.ndarray, x: np.ndarray, P: np.ndarray, step_s: float, jerk_psd: float
+):
     """filterpy's unscented Kalman filter with Merwe's points (α 0.1, β 2, κ 3 − n), no outlier handling."""
     from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter
 
