@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo test lint format clean
+.PHONY: demo test bench format clean
 
 demo: .venv/core
 	$(BIN)/gcs demo
@@ -11,6 +11,10 @@ test: .venv/test
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/python -m pytest
+
+bench: .venv/test
+	$(BIN)/gcs bench accuracy
+	$(BIN)/gcs bench speed
 
 format: .venv/test
 	$(BIN)/ruff check --fix .

@@ -16,13 +16,14 @@ SETTLED = 0.05  # a change of weight that is no change
 
 
 @njit(cache=True)
-def admit(model, rows, begin, end, x, P, t_ns, run, soft, hard, patient, out, work):
+def admit(model, rows, begin, end, x, P, t_ns, variance, run, soft, hard, patient, out, work):
     """Filter one epoch's rows, each on first sight, in place; fills their weight, predicted and sigma.
 
     The predicted state goes to ``out.x[0]``, ``out.P[0]``.
 
     Where one looks wrong, those that agree best with the prediction go first and sharpen it for the rest:
-    the sensors vote at the same instant. ``run`` is each channel's `outlier.label` state; a
+    the sensors vote at the same instant. ``variance`` (s, 13) is
+    that of the noise now, ``run`` each channel's `outlier.label` state; a
     ``patient`` filter, one that decides again later, is stricter within a run.
     """
     predict(x, P, (rows.t[begin] - t_ns) * 1e-9, model.jerk_psd, model.rate, model.prior)
@@ -31,15 +32,16 @@ def admit(model, rows, begin, end, x, P, t_ns, run, soft, hard, patient, out, wo
     doubt = np.zeros(end - begin)
     for i in range(begin, end):
         s, c = rows.sensor[i], rows.channel[i]
-        seen, variance, _ = predict_row(model, s, c, x, P, index, gain, m, work)
-        doubt[i - begin] = abs(difference(c, rows.value[i], seen)) / np.sqrt(variance + model.variance[s, c])
+        rows.noise[i] = variance[s, c]
+        seen, spread, _ = predict_row(model, s, c, x, P, index, gain, m, work)
+        doubt[i - begin] = abs(difference(c, rows.value[i], seen)) / np.sqrt(spread + rows.noise[i])
     order = np.argsort(doubt) if doubt.max() > soft else np.arange(end - begin)
     for k in order:
         i = begin + k
         s, c = rows.sensor[i], rows.channel[i]
-        seen, variance, _ = predict_row(model, s, c, x, P, index, gain, m, work)
-        noise = model.variance[s, c]
-        v, sigma = difference(c, rows.value[i], seen), np.sqrt(variance + noise)
+        seen, spread, _ = predict_row(model, s, c, x, P, index, gain, m, work)
+        noise = rows.noise[i]
+        v, sigma = difference(c, rows.value[i], seen), np.sqrt(spread + noise)
         after = patient and run[s, c, 0] > 0.0
         limit = min(hard, outlier.AFTER) if after else hard
         w = outlier.weight(v / sigma, min(soft, limit), limit)
@@ -48,7 +50,7 @@ def admit(model, rows, begin, end, x, P, t_ns, run, soft, hard, patient, out, wo
         rows.weight[i], rows.off[i], rows.predicted[i], rows.sigma[i] = w, v, rows.value[i] - v, sigma
         rows.nis[i] = (v / sigma) ** 2
         if w > 0.0:
-            update(x, P, m, v, variance + noise / w)
+            update(x, P, m, v, spread + noise / w)
 
 
 @njit(cache=True)
@@ -61,18 +63,18 @@ def settle(model, rows, begin, end, x0, P0, t0_ns, soft, hard, x, P, out, work, 
     for _ in range(REPEAT):
         x[:], P[:] = x0, P0
         ahead(
-            model, rows.t, rows.sensor, rows.channel, rows.value, rows.weight, begin, end, x, P, t0_ns, out, work
+            model, rows.t, rows.sensor, rows.channel, rows.value, rows.noise, rows.weight, begin, end, x, P, t0_ns, out, work
         )  # fmt: skip
         r[:], N[:] = 0.0, 0.0
-        back(model, rows.t, rows.sensor, rows.channel, rows.weight, begin, end, out, r, N, work)
-        price = cost(model, rows, begin, end, out, recent)
-        if reweigh(model, rows, begin, end, soft, hard, out, recent) < SETTLED:
+        back(model, rows.t, rows.noise, rows.weight, begin, end, out, r, N, work)
+        price = cost(rows, begin, end, out, recent)
+        if reweigh(rows, begin, end, soft, hard, out, recent) < SETTLED:
             break
     return price
 
 
 @njit(cache=True)
-def cost(model, rows, begin, end, out, recent):
+def cost(rows, begin, end, out, recent):
     """−2 log likelihood of the window under its verdicts, up to a constant: the lower, the better the story.
 
     Used rows: innovations form, v²/S + ln(S/R). Refused ones: OUTBREAK to begin a run, CONTINUED for each
@@ -87,7 +89,7 @@ def cost(model, rows, begin, end, out, recent):
         if out_of_use:
             total += CONTINUED if before[s, c] > 0.0 else OUTBREAK
         else:
-            noise = model.variance[s, c]
+            noise = rows.noise[i]
             S = out.S[k] + noise / rows.weight[i] - noise
             total += out.v[k] ** 2 / S + np.log(S / noise)
         before[s, c] = out_of_use
@@ -95,7 +97,7 @@ def cost(model, rows, begin, end, out, recent):
 
 
 @njit(cache=True)
-def reweigh(model, rows, begin, end, soft, hard, out, recent):
+def reweigh(rows, begin, end, soft, hard, out, recent):
     """New weights from the residuals against all other rows; returns the largest change.
 
     A row next to an outlier of its channel is under suspicion: AFTER sigmas instead of ``hard``, the sigma that
@@ -113,7 +115,7 @@ def reweigh(model, rows, begin, end, soft, hard, out, recent):
             if recent[s, c, 0] > 0.0:
                 out.next[k] = True
             if recent[s, c, 0] > 1.0:
-                out.alike[k] |= outlier.same_run(recent[s, c, 1], out.off[k], np.sqrt(model.variance[s, c]))
+                out.alike[k] |= outlier.same_run(recent[s, c, 1], out.off[k], np.sqrt(rows.noise[i]))
             recent[s, c, 0] = recent[s, c, 0] + 1.0 if rows.weight[i] == 0.0 else 0.0
             recent[s, c, 1] = out.off[k]
     change = 0.0
@@ -122,7 +124,7 @@ def reweigh(model, rows, begin, end, soft, hard, out, recent):
         limit, sigma = hard, out.sigma[k]
         if out.next[k]:
             limit = min(hard, outlier.AFTER)
-            sigma = min(sigma, outlier.BOUND * np.sqrt(model.variance[rows.sensor[i], rows.channel[i]]))
+            sigma = min(sigma, outlier.BOUND * np.sqrt(rows.noise[i]))
         w = 0.0 if out.alike[k] else outlier.weight(out.off[k] / sigma, min(soft, limit), limit)
         change = max(change, abs(w - rows.weight[i]))
         rows.weight[i] = w

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from filters import correction as corrections
-from filters import decide, ins, m1, motion, outlier, rivals, start
+from filters import decide, ins, m1, motion, noise, outlier, rivals, start
 from filters import model as models
 from filters import report as reports
 from filters import window as windows
@@ -43,7 +43,7 @@ class Settings(NamedTuple):
     hard: float = outlier.HARD  # sigmas; inf takes every value
     horizon_s: float = 1.0  # what later rows may still change; 0: decided at first sight
     lateness_s: float = 1.0  # a row may come so much later than the newest one
-    cell_s: float = 0.1  # data time between two re-decisions
+    cell_s: float = 0.2  # data time between two re-decisions
 
 
 class Rows(NamedTuple):
@@ -54,6 +54,7 @@ class Rows(NamedTuple):
     sensor: np.ndarray
     channel: np.ndarray
     value: np.ndarray
+    noise: np.ndarray  # variance
     weight: np.ndarray
     off: np.ndarray  # value − predicted, the short way round
     predicted: np.ndarray
@@ -70,7 +71,7 @@ JUDGED = ("weight", "off", "predicted", "sigma", "nis", "verdict", "reason")  # 
 
 def room(n: int) -> Rows:
     """Empty rows, ``n`` of them."""
-    types = ["i8", "i8", "i2", "i1", "f8", "f8", "f8", "f8", "f8", "f8", "i1", "i1", "i1", "f8"]
+    types = ["i8", "i8", "i2", "i1", "f8", "f8", "f8", "f8", "f8", "f8", "f8", "i1", "i1", "i1", "f8"]
     return Rows(*(np.zeros(n, t) for t in types))
 
 
@@ -96,6 +97,7 @@ class Snapshot(NamedTuple):
     head: Moment | None  # after all rows
     judged: tuple[np.ndarray, ...]  # JUDGED of the rows between
     tally: np.ndarray  # (s, 13, 3) of decided rows: used, sum of NIS, refused
+    scale: np.ndarray  # (2, s, 13) each channel's last decided residual, and its noise in stated sigmas
     resets: int
     left: np.ndarray  # (k,) TRACK smoothed, epochs decided when the cell before ended
 
@@ -159,7 +161,8 @@ class Estimator:
         self._recent = np.zeros((len(sensors), len(CHANNELS), 2))
         self._newest_ns, self._told, self._marks, self._reset_log = LONG_AGO_NS, 0, [], []
         tally = np.zeros((len(sensors), len(CHANNELS), 3))
-        blank = Snapshot(LONG_AGO_NS, 0, 0, None, None, (), tally, 0, np.zeros(0, TRACK))
+        scale = np.stack([np.zeros((len(sensors), len(CHANNELS))), np.ones((len(sensors), len(CHANNELS)))])
+        blank = Snapshot(LONG_AGO_NS, 0, 0, None, None, (), tally, scale, 0, np.zeros(0, TRACK))
         self._snapshots, self._smoothed = [blank], []
         self._rewind(blank)
 
@@ -262,7 +265,7 @@ class Estimator:
         self._head = to.head and to.head.copy()
         for name, column in zip(JUDGED, to.judged, strict=False):
             getattr(self._rows, name)[to.decided : to.size] = column
-        self._tally, self._resets = to.tally.copy(), to.resets
+        self._tally, self._scale, self._resets = to.tally.copy(), to.scale.copy(), to.resets
 
     # ---- one epoch, one cell
 
@@ -285,6 +288,7 @@ class Estimator:
             head.x,
             head.P,
             head.t_ns,
+            noise.effective(self.model.variance, self._scale[1]),
             head.run,
             s.soft,
             s.hard,
@@ -335,6 +339,7 @@ class Estimator:
                 self._head.copy(),
                 judged,
                 self._tally.copy(),
+                self._scale.copy(),
                 self._resets,
                 left,
             )  # fmt: skip
@@ -418,9 +423,10 @@ class Estimator:
         np.add.at(self._tally[..., 0], where, used)
         np.add.at(self._tally[..., 1], where, np.where(used, rows.nis[begin:cut], 0.0))
         np.add.at(self._tally[..., 2], where, ~used)
+        noise.follow(rows.sensor, rows.channel, rows.off, self.model.variance, begin, cut, *self._scale)
         if cut > begin:
             t_ns = windows.ahead(
-                self.model, rows.t, rows.sensor, rows.channel, rows.value, rows.weight, begin, cut,
+                self.model, rows.t, rows.sensor, rows.channel, rows.value, rows.noise, rows.weight, begin, cut,
                 anchor.x, anchor.P, anchor.t_ns, self._out, self._work,
             )  # fmt: skip
             self._anchor = anchor._replace(t_ns=int(t_ns))
@@ -445,6 +451,9 @@ class Estimator:
     def _tracks(self, t_ns, x, P) -> np.ndarray:
         track = np.zeros(len(t_ns), TRACK)
         track["t_ns"], track["x"], track["P"] = t_ns, x[:, :CORE], P[:, :CORE, :CORE]
+        shift = models.common_shift(self.model, self._head.x)
+        track["x"][:, :3] -= shift * x[:, 3:6] - 0.5 * shift**2 * x[:, 6:9]
+        track["x"][:, 3:6] -= shift * x[:, 6:9]
         sigma_m = np.sqrt(np.trace(P[:, :3, :3], axis1=1, axis2=2))
         track["quality"] = np.round(100.0 / (1.0 + sigma_m / HALF_QUALITY_M))
         track["reset_counter"] = self._resets
@@ -485,11 +494,9 @@ class Estimator:
                 continue
             out = windows.trace(end - begin, n, end - begin)
             x, P = mark.x.copy(), mark.P.copy()
-            columns = (rows.t, rows.sensor, rows.channel, rows.value, rows.weight)
+            columns = (rows.t, rows.sensor, rows.channel, rows.value, rows.noise, rows.weight)
             windows.ahead(model, *columns, begin, end, x, P, mark.t_ns, out, self._work)
-            windows.back(
-                model, rows.t, rows.sensor, rows.channel, rows.weight, begin, end, out, r, N, self._work
-            )
+            windows.back(model, rows.t, rows.noise, rows.weight, begin, end, out, r, N, self._work)
             motion.pull_back(r, N, (rows.t[begin] - mark.t_ns) * 1e-9, model.rate)
             first = np.flatnonzero(np.diff(rows.t[begin:end], prepend=LONG_AGO_NS))
             parts.append(self._tracks(rows.t[begin + first], out.x[first], out.P[first]))

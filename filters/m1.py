@@ -21,12 +21,12 @@ NOTHING = 8.0  # sigmas from which β = 0
 
 
 @njit(cache=True)
-def admit(model, rows, begin, end, x, P, t_ns, run, soft, hard, patient, out, work):
+def admit(model, rows, begin, end, x, P, t_ns, variance, run, soft, hard, patient, out, work):
     """Filter one epoch's rows in place, as `decide.admit` does: ``soft`` is C, ``hard`` is where β reaches 0.
 
-    ``run`` (s, 13, 2) holds the counts of consecutive outliers so far, kept by `label`; ``patient`` means
-    nothing here. Fills weight (β), off, predicted, sigma, nis of the rows, and puts the predicted state into
-    ``out.x[0]``, ``out.P[0]``.
+    ``variance`` (s, 13) is the noise; ``run`` (s, 13, 2) the counts of consecutive outliers so far, kept by
+    `label`; ``patient`` means nothing here. Fills weight (β), off, noise, predicted, sigma, nis of the rows,
+    and puts the predicted state into ``out.x[0]``, ``out.P[0]``.
     The covariance goes with the gain: βK is the best gain for a noise that makes the innovation S/β.
     """
     predict(x, P, (rows.t[begin] - t_ns) * 1e-9, model.jerk_psd, model.rate, model.prior)
@@ -34,8 +34,9 @@ def admit(model, rows, begin, end, x, P, t_ns, run, soft, hard, patient, out, wo
     index, gain, m = out.index[0], out.gain[0], out.m[0]
     for i in range(begin, end):
         s, c = rows.sensor[i], rows.channel[i]
-        seen, variance, _ = predict_row(model, s, c, x, P, index, gain, m, work)
-        d, sigma = difference(c, rows.value[i], seen), np.sqrt(variance + model.variance[s, c])
+        rows.noise[i] = variance[s, c]
+        seen, spread, _ = predict_row(model, s, c, x, P, index, gain, m, work)
+        d, sigma = difference(c, rows.value[i], seen), np.sqrt(spread + rows.noise[i])
         beta = outlier.weight(d / sigma, soft, hard)
         if beta < 1.0 and run[s, c, 0] + 1 >= outlier.RUN:
             beta = 0.0
@@ -44,9 +45,8 @@ def admit(model, rows, begin, end, x, P, t_ns, run, soft, hard, patient, out, wo
     for i in range(begin, end):
         if rows.weight[i] > 0.0:
             s, c = rows.sensor[i], rows.channel[i]
-            seen, variance, _ = predict_row(model, s, c, x, P, index, gain, m, work)
-            S = variance + model.variance[s, c]
-            update(x, P, m, difference(c, rows.value[i], seen), S / rows.weight[i])
+            seen, spread, _ = predict_row(model, s, c, x, P, index, gain, m, work)
+            update(x, P, m, difference(c, rows.value[i], seen), (spread + rows.noise[i]) / rows.weight[i])
 
 
 @njit(cache=True)

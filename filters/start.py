@@ -7,6 +7,7 @@ filtered like all others, so that nothing is lost and nothing counts twice by mo
 
 import numpy as np
 
+from filters.model import prior_covariance
 from filters.motion import CORE
 from filters.rows import AZIMUTH, ELEVATION, RANGE, E, N, U
 
@@ -107,7 +108,7 @@ def candidates(model, rows, begin, end, x, P) -> list[tuple[np.ndarray, np.ndarr
 def state(model, position, sigma) -> tuple[np.ndarray, np.ndarray]:
     """State (n,) and covariance (n, n) around a fix: at rest, with an open mind about speed."""
     n = len(model.prior)
-    x, P = np.zeros(n), np.diag(model.prior)
+    x, P = np.zeros(n), prior_covariance(model)
     x[:3] = position
     P[range(3), range(3)] = (WIDER * sigma) ** 2
     P[range(3, 6), range(3, 6)] = SPEED_SIGMA_MPS**2

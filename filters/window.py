@@ -61,8 +61,11 @@ def update(x, P, m, v, S):
 
 
 @njit(cache=True, fastmath=True)
-def ahead(model, t, sensor, channel, value, weight, begin, end, x, P, t_ns, out, work):
-    """Filter rows ``begin`` to ``end``, in place from ``x``, ``P`` at ``t_ns``; returns the time reached."""
+def ahead(model, t, sensor, channel, value, noise, weight, begin, end, x, P, t_ns, out, work):
+    """Filter rows ``begin`` to ``end``, in place from ``x``, ``P`` at ``t_ns``; returns the time reached.
+
+    ``noise`` is each row's variance, divided by its ``weight``.
+    """
     n = x.size
     for i in range(begin, end):
         k = i - begin
@@ -77,16 +80,15 @@ def ahead(model, t, sensor, channel, value, weight, begin, end, x, P, t_ns, out,
         s, c = sensor[i], channel[i]
         m = out.m[k]
         seen, variance, out.count[k] = predict_row(model, s, c, x, P, out.index[k], out.gain[k], m, work)
-        noise = model.variance[s, c]
         out.v[k] = difference(c, value[i], seen)
-        out.S[k] = variance + noise
+        out.S[k] = variance + noise[i]
         if weight[i] > 0.0:
-            update(x, P, m, out.v[k], variance + noise / weight[i])
+            update(x, P, m, out.v[k], variance + noise[i] / weight[i])
     return t_ns
 
 
 @njit(cache=True, fastmath=True)
-def back(model, t, sensor, channel, weight, begin, end, out, r, N, work):
+def back(model, t, noise, weight, begin, end, out, r, N, work):
     """Hold every row against all others; ``r`` (n,), ``N`` (n, n) say what came after ``end``, in place.
 
     Fills ``out.off`` and ``out.sigma``, and smooths the states that ``out`` keeps. ``work`` as from `scratch`.
@@ -104,12 +106,12 @@ def back(model, t, sensor, channel, weight, begin, end, out, r, N, work):
             mr += m[a] * r[a]
             mNm += m[a] * s
         if weight[i] > 0.0:
-            noise = model.variance[sensor[i], channel[i]]
-            S += noise / weight[i] - noise
+            spare = noise[i] / weight[i] - noise[i]
+            S += spare
             e = (v - mr) / S
             D = 1.0 / S + mNm / (S * S)
             out.off[k] = e / D
-            out.sigma[k] = np.sqrt(1.0 / D - noise / weight[i] + noise)
+            out.sigma[k] = np.sqrt(1.0 / D - spare)
             _condense(out.index[k], out.gain[k], out.count[k], e, D, S, r, N, Nm)
         else:
             out.off[k] = v - mr

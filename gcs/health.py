@@ -2,7 +2,7 @@
 
 from collections import deque
 from collections.abc import Iterator
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -14,6 +14,16 @@ SPAN_NS = 10_000_000_000
 PERIOD_NS = 1_000_000_000
 SILENT_S = 2.0  # no data for this long is worth an operator's attention
 OUTLIERS = [VERDICTS.index(name) for name in ("isolated", "patch", "invalid")]
+
+
+class Tally(NamedTuple):
+    """What came from one sensor between two updates."""
+
+    begin_ns: int
+    end_ns: int
+    measurements: int
+    rows: int
+    outliers: int
 
 
 class Feeds(Protocol):
@@ -46,7 +56,7 @@ class Monitor:
         self.now_ns = 0
         self._sensors, self._feeds = sensors, feeds
         self._newest = dict.fromkeys(sensors, 0)
-        self._recent = {name: deque() for name in sensors}  # (t_ns, measurements, rows, outliers)
+        self._recent: dict[str, deque[Tally]] = {name: deque() for name in sensors}
         self._totals = {name: [0, 0] for name in sensors}
         self._silent: set[str] = set()
         self._next_ns = 0
@@ -75,24 +85,24 @@ class Monitor:
             fresh = rows[rows["t_ns"] > self._newest[name]]  # a changed verdict is not counted twice
             if not len(fresh):
                 continue
-            self._newest[name] = newest
+            begin, self._newest[name] = self._newest[name] or newest, newest
             outliers = int(np.isin(fresh["verdict"], OUTLIERS).sum())
-            self._recent[name].append((newest, len(np.unique(fresh["measurement"])), len(fresh), outliers))
+            measurements = len(np.unique(fresh["measurement"]))
+            self._recent[name].append(Tally(begin, newest, measurements, len(fresh), outliers))
             self._totals[name][0] += len(fresh)
             self._totals[name][1] += outliers
 
     def _health(self, name: str) -> SensorHealth:
         recent = self._recent[name]
-        while recent and recent[0][0] < self.now_ns - SPAN_NS:
+        while recent and recent[0].end_ns < self.now_ns - SPAN_NS:
             recent.popleft()
-        measurements, rows, outliers = (
-            sum(column) for column in list(zip(*recent, strict=True))[1:] or [[]] * 3
-        )
+        span_s = (self.now_ns - recent[0].begin_ns) / 1e9 if recent else 0.0
+        rows = sum(tally.rows for tally in recent)
         age_s = (self.now_ns - self._newest[name]) / 1e9 if self._newest[name] else None
         return SensorHealth(
-            rate_hz=measurements / (SPAN_NS / 1e9),
+            rate_hz=sum(tally.measurements for tally in recent) / span_s if span_s else 0.0,
             age_s=age_s,
-            outlier_share=outliers / rows if rows else 0.0,
+            outlier_share=sum(tally.outliers for tally in recent) / rows if rows else 0.0,
             latency_s=self._feeds.latency_s(name),
             alive=self._feeds.alive(name),
             rows=self._totals[name][0],

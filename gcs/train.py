@@ -51,7 +51,7 @@ def run(
 ) -> bool:
     """Train into folder ``out``: flights, network.json, report.json. Returns whether the network helps.
 
-    ``flights`` simulated ones and run ``folders``; ``compare`` trainings of each kind of start for the report.
+    ``flights`` simulated ones and run ``folders``; ``compare`` trainings per kind of start for the report.
     Raises InputError where torch is missing or too few flights are given.
     """
     if find_spec("torch") is None:

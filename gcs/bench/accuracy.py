@@ -11,7 +11,7 @@ import numpy as np
 from filters import estimator
 from gcs.bench import table
 from gcs.bench.cases import CASES
-from gcs.bench.measure import measure
+from gcs.bench.measure import METHODS, measure
 from gcs.bench.scene import Case
 from gcs.console import say
 from gcs.messages import InputError
@@ -33,6 +33,9 @@ def run(
     for name in names:
         if name not in known:
             raise InputError(f"bench case {name!r}: choose one of {'; '.join(known)}")
+    for name in methods:
+        if name not in METHODS:
+            raise InputError(f"bench method {name!r}: choose one of {', '.join(METHODS)}")
     begin_s, results = time.monotonic(), []
     with ProcessPoolExecutor(processes) as pool:
         for case in (known[name] for name in names or known):

@@ -9,6 +9,7 @@ from filters import baselines, estimator, simulate
 from gcs.bench import score
 from gcs.bench.scene import Case, Flight, first_instrument, fly
 
+METHODS = (*estimator.METHODS, *baselines.PSD_FACTORS)
 LATE_S, ARRIVAL_S = 0.8, 0.1  # largest delay; arrivals are handed over so often
 
 
@@ -30,7 +31,7 @@ class Run(NamedTuple):
 
 
 def make(method: str, sensors):
-    """An estimator or a baseline by name. Raises ValueError for an unknown one."""
+    """One of METHODS."""
     if method in baselines.PSD_FACTORS:
         return baselines.make(method, sensors, estimator.Settings())
     return estimator.make(method, sensors)

@@ -7,7 +7,7 @@ from gcs.bench import papers_m1, smoothness_m1
 
 
 def tables(runs: int = papers_m1.RUNS, seeds: int = 20, count: int = 20) -> list[Table]:
-    """``runs`` flights of the simulations, ``seeds`` theodolite flights, ``count`` trainings of each start."""
+    """``runs`` simulated flights, ``seeds`` theodolite flights, ``count`` trainings of each start."""
     shown = [
         _simulations(papers_m1.simulations(runs)),
         _known(papers_m1.start_table(runs)),

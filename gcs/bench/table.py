@@ -38,6 +38,29 @@ def _one(results: list[dict]) -> Table:
     return table
 
 
+def speed(found: dict, limits: dict[str, float]) -> list[Table]:
+    """Updates beside the peers, then what a station and a replay need."""
+    updates = Table(title="one update", title_justify="left")
+    for heading in ("filter", "µs", "times ours", "range", "end apart m"):
+        updates.add_column(heading)
+    for name, one in found["update"].items():
+        if one is None:
+            updates.add_row(name, "not installed here", "–", "–", "–")
+            continue
+        low, high = one["times_ours_range"]
+        ratio = f"{one['times_ours']:.3g}"
+        if one["times_ours"] < limits.get(name, 0.0):
+            ratio = f"[red]{ratio}[/red]"
+        updates.add_row(name, f"{one['us']:.3g}", ratio, f"{low:.3g} … {high:.3g}", f"{one['apart_m']:.2g}")
+    rest = Table(title="estimator", title_justify="left")
+    for heading in ("what", "figure", "limit"):
+        rest.add_column(heading)
+    live = ", ".join(f"{name.removesuffix('_us')} {value:.0f}" for name, value in found["live"].items())
+    rest.add_row("one measurement live, µs", live, f"{limits['live_us']:g}")
+    rest.add_row("one hour of flight, s", f"{found['replay']['per_hour_s']:.3g}", f"{limits['hour_s']:g}")
+    return [updates, rest]
+
+
 def missed(name: str, value: float, limits: dict[str, float]) -> bool:
     """Whether a figure is on the wrong side of its limit: shares that are found should be large."""
     if name not in limits:
