@@ -19,12 +19,11 @@ SETTLED = 0.05  # a change of weight that is no change
 def admit(model, rows, begin, end, x, P, t_ns, variance, run, soft, hard, patient, out, work):
     """Filter one epoch's rows, each on first sight, in place; fills their weight, predicted and sigma.
 
-    The predicted state goes to ``out.x[0]``, ``out.P[0]``.
-
     Where one looks wrong, those that agree best with the prediction go first and sharpen it for the rest:
     the sensors vote at the same instant. ``variance`` (s, 13) is
     that of the noise now, ``run`` each channel's `outlier.label` state; a
-    ``patient`` filter, one that decides again later, is stricter within a run.
+    ``patient`` filter, one that decides again later, is stricter within a run. The predicted state goes to
+    ``out.x[0]``, ``out.P[0]``.
     """
     predict(x, P, (rows.t[begin] - t_ns) * 1e-9, model.jerk_psd, model.rate, model.prior)
     out.x[0], out.P[0] = x, P

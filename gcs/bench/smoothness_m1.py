@@ -26,7 +26,7 @@ def smoothness(level: str, seeds: int = 20) -> dict:
 
     One theodolite (range 1 m, angles 0.003°, 20 Hz, 4.1 % outliers, isolated and in runs) and the INS see a
     minute of a flight of one of ``scenario.LEVELS``. Returns {method: {median: (6,) as `_score`, lost: flights
-    with a range error of LOST_M or more}}.
+    whose range error is LOST_M or more}}.
     """
     found = {}
     for seed in range(seeds):
