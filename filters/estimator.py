@@ -66,7 +66,16 @@ class Rows(NamedTuple):
     said: np.ndarray  # weight as published
 
 
-JUDGED = ("weight", "off", "predicted", "sigma", "nis", "verdict", "reason")  # columns that a rewind restores
+JUDGED = (
+    "noise",
+    "weight",
+    "off",
+    "predicted",
+    "sigma",
+    "nis",
+    "verdict",
+    "reason",
+)  # columns that a rewind restores
 
 
 def room(n: int) -> Rows:
@@ -362,6 +371,8 @@ class Estimator:
             self._out, self._spare = (
                 windows.trace(2 * (end - begin), len(self._head.x), 256) for _ in range(2)
             )
+        for s in np.flatnonzero(self.model.is_ins):
+            noise.shake(rows, begin, end, s, self.model.variance, self._scale[1])
         cost = self._settle(begin, end, self._anchor, self._head, self._out)
         deep = self._boundary_ns // self._cell_ns % DEEP == 0
         for weights, margin in rivals.weights(rows, begin, end, self._out, len(self.sensors), deep):
@@ -423,7 +434,16 @@ class Estimator:
         np.add.at(self._tally[..., 0], where, used)
         np.add.at(self._tally[..., 1], where, np.where(used, rows.nis[begin:cut], 0.0))
         np.add.at(self._tally[..., 2], where, ~used)
-        noise.follow(rows.sensor, rows.channel, rows.off, self.model.variance, begin, cut, *self._scale)
+        noise.follow(
+            self.model.is_ins,
+            rows.sensor,
+            rows.channel,
+            rows.off,
+            self.model.variance,
+            begin,
+            cut,
+            *self._scale,
+        )
         if cut > begin:
             t_ns = windows.ahead(
                 self.model, rows.t, rows.sensor, rows.channel, rows.value, rows.noise, rows.weight, begin, cut,

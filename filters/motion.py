@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 
 CORE = 9
-JERK_PSD = (
+JERK_PSD = 10.0(
     10.0  # m²/s⁵ per axis: jerk of 3 m/s³ held for about a second is ordinary, 15 m/s³ is within 3 sigma
 )
 
