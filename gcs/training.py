@@ -173,11 +173,17 @@ def _read_rows(path: Path, sensors: list[tuple[str, float]]) -> np.ndarray:
     return rows
 
 
+def _filter_key(settings: Settings) -> int:
+    """Changes with the filter's settings and with its code: flights of another filter are no examples."""
+    code = b"".join(path.read_bytes() for path in sorted(Path(estimator.__file__).parent.glob("*.py")))
+    return zlib.crc32(code + repr(settings).encode())
+
+
 def gather(
     numbers: range, folders: list[Path], settings: Settings, out: Path, progress: Callable[[int, int], None]
 ) -> list[Flown]:
     """All flights, simulated ``numbers`` and run ``folders``; what lies in ``out`` is not flown again."""
-    cache = out / f"flights-{zlib.crc32(repr(settings).encode()):08x}"
+    cache = out / f"flights-{_filter_key(settings):08x}"
     cache.mkdir(parents=True, exist_ok=True)
     wanted = [(f"simulated-{n}", simulated, n) for n in numbers]
     wanted += [(f"run-{folder.name}", from_run, folder) for folder in folders]
