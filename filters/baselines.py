@@ -89,9 +89,11 @@ class Baseline:
         rows, weight, n = np.concatenate(self._rows), np.concatenate(self._weights), len(self.model.prior)
         (x, P), end = (part.copy() for part in self._start), len(rows)
         t, sensor, channel = rows["t_ns"], rows["sensor"], rows["channel"]
-        noise = self.model.variance[sensor, channel]
+        noise, jerk = self.model.variance[sensor, channel], np.full(len(rows), self.model.jerk_psd)
         out, work = windows.trace(end, n, end), windows.scratch(n)
-        windows.ahead(self.model, t, sensor, channel, rows["value"], noise, weight, 0, end, x, P, t[0], out, work)
+        windows.ahead(
+            self.model, t, sensor, channel, rows["value"], noise, jerk, weight, 0, end, x, P, t[0], out, work
+        )
         r, N = np.zeros(n), np.zeros((n, n))
         windows.back(self.model, t, noise, weight, 0, end, out, r, N, work)
         first = np.flatnonzero(np.diff(t, prepend=t[0] - 1))

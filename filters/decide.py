@@ -16,22 +16,22 @@ SETTLED = 0.05  # a change of weight that is no change
 
 
 @njit(cache=True)
-def admit(model, rows, begin, end, x, P, t_ns, variance, run, soft, hard, patient, out, work):
+def admit(model, rows, begin, end, x, P, t_ns, jerk, variance, run, soft, hard, patient, out, work):
     """Filter one epoch's rows, each on first sight, in place; fills their weight, predicted and sigma.
 
     Where one looks wrong, those that agree best with the prediction go first and sharpen it for the rest:
-    the sensors vote at the same instant. ``variance`` (s, 13) is
-    that of the noise now, ``run`` each channel's `outlier.label` state; a
+    the sensors vote at the same instant. ``jerk`` and
+    ``variance`` (s, 13) are those of motion and noise now, ``run`` each channel's `outlier.label` state; a
     ``patient`` filter, one that decides again later, is stricter within a run. The predicted state goes to
     ``out.x[0]``, ``out.P[0]``.
     """
-    predict(x, P, (rows.t[begin] - t_ns) * 1e-9, model.jerk_psd, model.rate, model.prior)
+    predict(x, P, (rows.t[begin] - t_ns) * 1e-9, jerk, model.rate, model.prior)
     out.x[0], out.P[0] = x, P
     index, gain, m = out.index[0], out.gain[0], out.m[0]
     doubt = np.zeros(end - begin)
     for i in range(begin, end):
         s, c = rows.sensor[i], rows.channel[i]
-        rows.noise[i] = variance[s, c]
+        rows.noise[i], rows.jerk[i] = variance[s, c], jerk
         seen, spread, _ = predict_row(model, s, c, x, P, index, gain, m, work)
         doubt[i - begin] = abs(difference(c, rows.value[i], seen)) / np.sqrt(spread + rows.noise[i])
     order = np.argsort(doubt) if doubt.max() > soft else np.arange(end - begin)
@@ -58,18 +58,28 @@ def settle(model, rows, begin, end, x0, P0, t0_ns, soft, hard, x, P, out, work, 
 
     ``x0, P0`` at ``t0_ns`` is the anchor; the head state goes to ``x``, ``P``. Returns the `cost`.
     """
-    price = 0.0
+    total = 0.0
     for _ in range(REPEAT):
         x[:], P[:] = x0, P0
         ahead(
-            model, rows.t, rows.sensor, rows.channel, rows.value, rows.noise, rows.weight, begin, end, x, P, t0_ns, out, work
+            model, rows.t, rows.sensor, rows.channel, rows.value, rows.noise, rows.jerk, rows.weight, begin, end, x, P, t0_ns, out, work
         )  # fmt: skip
         r[:], N[:] = 0.0, 0.0
         back(model, rows.t, rows.noise, rows.weight, begin, end, out, r, N, work)
-        price = cost(rows, begin, end, out, recent)
+        total = cost(rows, begin, end, out, recent)
         if reweigh(rows, begin, end, soft, hard, out, recent) < SETTLED:
             break
-    return price
+    return total
+
+
+@njit(cache=True)
+def price(model, rows, begin, end, x0, P0, t0_ns, x, P, out, work, recent):
+    """`cost` of the window with its weights, noise and jerk as they are; nothing is judged."""
+    x[:], P[:] = x0, P0
+    ahead(
+        model, rows.t, rows.sensor, rows.channel, rows.value, rows.noise, rows.jerk, rows.weight, begin, end, x, P, t0_ns, out, work
+    )  # fmt: skip
+    return cost(rows, begin, end, out, recent)
 
 
 @njit(cache=True)

@@ -55,6 +55,7 @@ class Rows(NamedTuple):
     channel: np.ndarray
     value: np.ndarray
     noise: np.ndarray  # variance
+    jerk: np.ndarray  # density of the white jerk on the way to the row, m²/s⁵
     weight: np.ndarray
     off: np.ndarray  # value − predicted, the short way round
     predicted: np.ndarray
@@ -80,7 +81,7 @@ JUDGED = (
 
 def room(n: int) -> Rows:
     """Empty rows, ``n`` of them."""
-    types = ["i8", "i8", "i2", "i1", "f8", "f8", "f8", "f8", "f8", "f8", "f8", "i1", "i1", "i1", "f8"]
+    types = ["i8", "i8", "i2", "i1", "f8", "f8", "f8", "f8", "f8", "f8", "f8", "f8", "i1", "i1", "i1", "f8"]
     return Rows(*(np.zeros(n, t) for t in types))
 
 
@@ -107,6 +108,7 @@ class Snapshot(NamedTuple):
     judged: tuple[np.ndarray, ...]  # JUDGED of the rows between
     tally: np.ndarray  # (s, 13, 3) of decided rows: used, sum of NIS, refused
     scale: np.ndarray  # (2, s, 13) each channel's last decided residual, and its noise in stated sigmas
+    jerk: float  # density of the white jerk now
     resets: int
     left: np.ndarray  # (k,) TRACK smoothed, epochs decided when the cell before ended
 
@@ -171,7 +173,9 @@ class Estimator:
         self._newest_ns, self._told, self._marks, self._reset_log = LONG_AGO_NS, 0, [], []
         tally = np.zeros((len(sensors), len(CHANNELS), 3))
         scale = np.stack([np.zeros((len(sensors), len(CHANNELS))), np.ones((len(sensors), len(CHANNELS)))])
-        blank = Snapshot(LONG_AGO_NS, 0, 0, None, None, (), tally, scale, 0, np.zeros(0, TRACK))
+        blank = Snapshot(
+            LONG_AGO_NS, 0, 0, None, None, (), tally, scale, settings.jerk_psd, 0, np.zeros(0, TRACK)
+        )
         self._snapshots, self._smoothed = [blank], []
         self._rewind(blank)
 
@@ -274,7 +278,8 @@ class Estimator:
         self._head = to.head and to.head.copy()
         for name, column in zip(JUDGED, to.judged, strict=False):
             getattr(self._rows, name)[to.decided : to.size] = column
-        self._tally, self._scale, self._resets = to.tally.copy(), to.scale.copy(), to.resets
+        self._tally, self._scale = to.tally.copy(), to.scale.copy()
+        self._jerk, self._resets = to.jerk, to.resets
 
     # ---- one epoch, one cell
 
@@ -297,6 +302,7 @@ class Estimator:
             head.x,
             head.P,
             head.t_ns,
+            self._jerk,
             noise.effective(self.model.variance, self._scale[1]),
             head.run,
             s.soft,
@@ -349,6 +355,7 @@ class Estimator:
                 judged,
                 self._tally.copy(),
                 self._scale.copy(),
+                self._jerk,
                 self._resets,
                 left,
             )  # fmt: skip
@@ -374,6 +381,7 @@ class Estimator:
         for s in np.flatnonzero(self.model.is_ins):
             noise.shake(rows, begin, end, s, self.model.variance, self._scale[1])
         cost = self._settle(begin, end, self._anchor, self._head, self._out)
+        cost = self._follow_jerk(begin, end, cost)
         deep = self._boundary_ns // self._cell_ns % DEEP == 0
         for weights, margin in rivals.weights(rows, begin, end, self._out, len(self.sensors), deep):
             cost = self._hear(begin, end, weights, self._anchor, cost, margin)
@@ -391,6 +399,24 @@ class Estimator:
             end,
             self._head.run,
         )
+
+    def _follow_jerk(self, begin: int, end: int, cost: float) -> float:
+        """More jerk or less, where the window is likelier with it; all its rows are judged again then."""
+        jerk, anchor, head = self._rows.jerk, self._anchor, self._head.copy()
+        for factor in (motion.STEP, 1.0 / motion.STEP):
+            other = self._jerk * factor
+            if not motion.CALMEST <= other <= motion.WILDEST:
+                continue
+            jerk[begin:end] = other
+            price = decide.price(
+                self.model, self._rows, begin, end, anchor.x, anchor.P, anchor.t_ns, head.x, head.P,
+                self._spare, self._work, self._recent,
+            )  # fmt: skip
+            if price < cost - motion.SURER:
+                self._jerk = other
+                return self._settle(begin, end, anchor, self._head, self._out)
+        jerk[begin:end] = self._jerk
+        return cost
 
     def _settle(self, begin: int, end: int, anchor: Moment, head: Moment, out: windows.Trace) -> float:
         s = self.settings
@@ -446,7 +472,7 @@ class Estimator:
         )
         if cut > begin:
             t_ns = windows.ahead(
-                self.model, rows.t, rows.sensor, rows.channel, rows.value, rows.noise, rows.weight, begin, cut,
+                self.model, rows.t, rows.sensor, rows.channel, rows.value, rows.noise, rows.jerk, rows.weight, begin, cut,
                 anchor.x, anchor.P, anchor.t_ns, self._out, self._work,
             )  # fmt: skip
             self._anchor = anchor._replace(t_ns=int(t_ns))
@@ -514,7 +540,7 @@ class Estimator:
                 continue
             out = windows.trace(end - begin, n, end - begin)
             x, P = mark.x.copy(), mark.P.copy()
-            columns = (rows.t, rows.sensor, rows.channel, rows.value, rows.noise, rows.weight)
+            columns = (rows.t, rows.sensor, rows.channel, rows.value, rows.noise, rows.jerk, rows.weight)
             windows.ahead(model, *columns, begin, end, x, P, mark.t_ns, out, self._work)
             windows.back(model, rows.t, rows.noise, rows.weight, begin, end, out, r, N, self._work)
             motion.pull_back(r, N, (rows.t[begin] - mark.t_ns) * 1e-9, model.rate)

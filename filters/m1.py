@@ -21,20 +21,20 @@ NOTHING = 8.0  # sigmas from which β = 0
 
 
 @njit(cache=True)
-def admit(model, rows, begin, end, x, P, t_ns, variance, run, soft, hard, patient, out, work):
+def admit(model, rows, begin, end, x, P, t_ns, jerk, variance, run, soft, hard, patient, out, work):
     """Filter one epoch's rows in place, as `decide.admit` does: ``soft`` is C, ``hard`` is where β reaches 0.
 
-    ``variance`` (s, 13) is the noise; ``run`` (s, 13, 2) the counts of consecutive outliers so far, kept by
-    `label`; ``patient`` means nothing here. Fills weight (β), off, noise, predicted, sigma, nis of the rows,
-    and puts the predicted state into ``out.x[0]``, ``out.P[0]``.
+    ``jerk`` and ``variance`` (s, 13) are those of motion and noise; ``run`` (s, 13, 2) counts each channel's
+    consecutive outliers, kept by `label`; ``patient`` means nothing here. Fills the rows' columns, weight by
+    β, and puts the predicted state into ``out.x[0]``, ``out.P[0]``.
     The covariance goes with the gain: βK is the best gain for a noise that makes the innovation S/β.
     """
-    predict(x, P, (rows.t[begin] - t_ns) * 1e-9, model.jerk_psd, model.rate, model.prior)
+    predict(x, P, (rows.t[begin] - t_ns) * 1e-9, jerk, model.rate, model.prior)
     out.x[0], out.P[0] = x, P
     index, gain, m = out.index[0], out.gain[0], out.m[0]
     for i in range(begin, end):
         s, c = rows.sensor[i], rows.channel[i]
-        rows.noise[i] = variance[s, c]
+        rows.noise[i], rows.jerk[i] = variance[s, c], jerk
         seen, spread, _ = predict_row(model, s, c, x, P, index, gain, m, work)
         d, sigma = difference(c, rows.value[i], seen), np.sqrt(spread + rows.noise[i])
         beta = outlier.weight(d / sigma, soft, hard)

@@ -61,16 +61,16 @@ def update(x, P, m, v, S):
 
 
 @njit(cache=True, fastmath=True)
-def ahead(model, t, sensor, channel, value, noise, weight, begin, end, x, P, t_ns, out, work):
+def ahead(model, t, sensor, channel, value, noise, jerk, weight, begin, end, x, P, t_ns, out, work):
     """Filter rows ``begin`` to ``end``, in place from ``x``, ``P`` at ``t_ns``; returns the time reached.
 
-    ``noise`` is each row's variance, divided by its ``weight``.
+    ``noise`` is each row's variance, to be divided by its ``weight``; ``jerk`` the density on the way to it.
     """
     n = x.size
     for i in range(begin, end):
         k = i - begin
         if t[i] != t_ns or k == 0:
-            predict(x, P, (t[i] - t_ns) * 1e-9, model.jerk_psd, model.rate, model.prior)
+            predict(x, P, (t[i] - t_ns) * 1e-9, jerk[i], model.rate, model.prior)
             t_ns = t[i]
             if k < out.x.shape[0]:
                 for a in range(n):

@@ -87,7 +87,9 @@ def m1_ukf(z, sigma, x, P, step_s, jerk_psd, soft=m1.C, hard=m1.NOTHING) -> Filt
     run, t_ns, x, P = np.zeros((1, len(CHANNELS), 2)), 0, x.copy(), P.copy()
     for k in range(n):
         span = (3 * k, 3 * k + 3)
-        m1.admit(about, rows, *span, x, P, t_ns, about.variance, run, soft, hard, False, scratch, work)
+        m1.admit(
+            about, rows, *span, x, P, t_ns, jerk_psd, about.variance, run, soft, hard, False, scratch, work
+        )
         m1.label(rows.sensor, rows.channel, rows.weight, rows.off, rows.verdict, rows.reason, *span, run)
         t_ns = rows.t[3 * k]
         out.x0[k], out.P0[k], out.x1[k], out.P1[k] = scratch.x[0], scratch.P[0], x, P

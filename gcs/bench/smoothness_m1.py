@@ -25,8 +25,8 @@ def smoothness(level: str, seeds: int = 20) -> dict:
     """Mean gradient of the filtered range, azimuth, elevation beside their true RMS error, medians.
 
     One theodolite (range 1 m, angles 0.003°, 20 Hz, 4.1 % outliers, isolated and in runs) and the INS see a
-    minute of a flight of one of ``scenario.LEVELS``. Returns {method: {median: (6,) as `_score`, lost: flights
-    whose range error is LOST_M or more}}.
+    minute of a flight of one of ``scenario.LEVELS``. Returns {method: {median: (6,) as `_score`, lost: count
+    of flights with LOST_M of range error or more}}.
     """
     found = {}
     for seed in range(seeds):

@@ -90,6 +90,7 @@ def test_a_whole_flight_equals_filterpy():
         built,
         *columns,
         noise,
+        np.full(len(rows), built.jerk_psd),
         np.ones(len(rows)),
         0,
         len(rows),
