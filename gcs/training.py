@@ -66,16 +66,11 @@ def fly(name, sensors: list[Sensor], rows, truth: scenario.Truth, t0_ns: int, se
     return Flown(name, u, e, correction.sigmas_of(x0, P1))
 
 
-def simulated(number: int, settings: Settings, truth: scenario.Truth | None = None) -> Flown:
-    """Flight ``number`` with a range of its own: vehicle, instruments, rates, noise, outliers all drawn anew.
-
-    ``truth`` replaces the drawn vehicle.
-    """
+def simulated(number: int, settings: Settings) -> Flown:
+    """Flight ``number`` on a range of its own: vehicle, instruments, rates, noise, outliers are drawn anew."""
     rng = np.random.default_rng(number)
     level = rng.choice(list(scenario.LEVELS))
-    name = f"{level}-{number}"
-    if truth is None:
-        truth = scenario.flight(SECONDS, RATE_HZ, level, rng)
+    truth = scenario.flight(SECONDS, RATE_HZ, level, rng)
     sensors, seen = [Sensor("ins", "ins", np.r_[np.full(4, np.nan), INS_SIGMA])], [_ins(truth, rng)]
     share = rng.uniform(0.0, 0.08)
     for k in range(rng.integers(1, 4)):
@@ -83,7 +78,7 @@ def simulated(number: int, settings: Settings, truth: scenario.Truth | None = No
         observed = simulate.instrument(truth, sensors[-1], rng.choice([5.0, 10.0, 20.0]), rng)
         seen.append(simulate.contaminate(observed, sensors[-1].sigma[observed.channels], rng, share))
     rows, _ = simulate.rows(seen)
-    return fly(name, sensors, rows, truth, simulate.T0_NS, settings)
+    return fly(f"{level}-{number}", sensors, rows, truth, simulate.T0_NS, settings)
 
 
 def _ins(truth, rng):
