@@ -67,7 +67,7 @@ def fly(name, sensors: list[Sensor], rows, truth: scenario.Truth, t0_ns: int, se
 
 
 def simulated(number: int, settings: Settings) -> Flown:
-    """Flight ``number`` on a range of its own: vehicle, instruments, rates, noise, outliers are drawn anew."""
+    """Flight ``number`` on a range of its own: vehicle, instruments, rates, noise and outliers are drawn."""
     rng = np.random.default_rng(number)
     level = rng.choice(list(scenario.LEVELS))
     truth = scenario.flight(SECONDS, RATE_HZ, level, rng)
