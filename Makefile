@@ -12,7 +12,7 @@ test: .venv/test
 	$(BIN)/ruff format --check .
 	$(BIN)/python -m pytest
 
-bench: .venv/test
+bench: .venv/bench
 	$(BIN)/gcs bench accuracy
 	$(BIN)/gcs bench speed
 
@@ -28,6 +28,10 @@ format: .venv/test
 
 .venv/test: .venv/core
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[test]'
+	touch $@
+
+.venv/bench: .venv/test
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[bench]'
 	touch $@
 
 clean:

@@ -33,7 +33,7 @@ class LinkError(InputError):
 class Decoder:
     """Messages of one vehicle in, measurements out. Keeps its clock, attitude, fix and geoid separation."""
 
-    def __init__(self, system_id: int, link: str = "mavlink") -> None:
+    def __init__(self, system_id: int | None, link: str = "mavlink") -> None:
         self.system_id, self.link = system_id, link
         self.clock = LiveClock()
         self.bad = 0  # damaged frames so far
@@ -56,9 +56,12 @@ class Decoder:
             self.bad += 1
             raw = bytes(message.data[:CLIP]).hex(" ")
             return Bad(source="ins", where=f"{self.link} #{self.bad}", reason=message.reason, raw=raw)
+        beats = name == "HEARTBEAT" and message.autopilot != autopilot.NO_AUTOPILOT
+        if self.system_id is None and beats:
+            self.system_id = message.get_srcSystem()  # the first autopilot heard
         if message.get_srcSystem() != self.system_id:
             return None
-        if name == "HEARTBEAT" and message.autopilot != autopilot.NO_AUTOPILOT:
+        if beats:
             self._component = min(message.get_srcComponent(), self._component or 255)
         if message.get_srcComponent() != (self._component or AUTOPILOT):
             return None
@@ -127,8 +130,10 @@ class Decoder:
         return InsMeasurement(t_ns=t_ns, arrival_ns=arrival_ns, ae_mps2=ae, an_mps2=an, au_mps2=au)
 
 
-def run(link: str, system_id: int, bus, stop: Flag) -> None:
+def run(link: str, system_id: int | None, bus, stop: Flag) -> None:
     """Publish ``raw/ins`` from ``link`` (any pymavlink address) until ``stop`` is set.
+
+    Without a ``system_id`` it is the first autopilot heard.
 
     A link that is lost is opened again and again; losing and finding it are published as events.
     Raises LinkError where the address cannot be used at all.
@@ -139,7 +144,7 @@ def run(link: str, system_id: int, bus, stop: Flag) -> None:
     while not stop.is_set():
         try:
             with closing(_open(link)) as port:
-                _tell(bus, "info", f"{link}: listening for vehicle {system_id}")
+                _tell(bus, "info", f"{link}: listening for vehicle {system_id or '(any)'}")
                 lost = False
                 _listen(port, decoder, bus, stop)
         except OSError as error:
@@ -186,12 +191,7 @@ def _check(link: str) -> None:
     """Raise LinkError for an address pymavlink would not refuse clearly."""
     kind, _, rest = link.partition(":")
     if kind not in ("udpin", "udpout", "tcp", "tcpin"):
-        try:
-            import serial  # noqa: F401
-        except ImportError:
-            remedy = "give udpin:, udpout:, tcp: or tcpin:, or for a serial port: pip install pyserial"
-            raise LinkError(f"{link}: {remedy}") from None
-        return
+        return  # a serial port, whose own error says enough
     host, _, port = rest.rpartition(":")
     if not host or not port.isdigit() or not 0 < int(port) < 65536:
         raise LinkError(f"{link}: give {kind}:HOST:PORT, as in {kind}:127.0.0.1:14550")

@@ -69,6 +69,7 @@ class Rows(NamedTuple):
 
 JUDGED = (
     "noise",
+    "jerk",
     "weight",
     "off",
     "predicted",
