@@ -221,6 +221,15 @@ def accuracy(
     bench_accuracy.run(seeds, first_seed, seconds, cases, method, out=out)
 
 
+@bench.command
+def papers() -> None:
+    """The papers' tables: what they report, ours, the baselines."""
+    from gcs.bench import show_m1, table
+
+    for each in show_m1.tables():
+        table.show(each)
+
+
 @bench.command(name="speed")
 def bench_speed(*, seconds: float = 3600.0, out: Path | None = None) -> None:
     """One update beside other filters, one measurement live, a whole flight; ratios from one run."""
