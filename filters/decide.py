@@ -22,9 +22,11 @@ def admit(model, rows, begin, end, x, P, t_ns, jerk, variance, run, soft, hard, 
     Where one looks wrong, those that agree best with the prediction go first and sharpen it for the rest:
     the sensors vote at the same instant. ``jerk`` and
     ``variance`` (s, 13) are those of motion and noise now, ``run`` each channel's `outlier.label` state; a
-    ``patient`` filter, one that decides again later, is stricter within a run.
+    ``patient`` filter, one that decides again later, is stricter within a run. The predicted state goes to
+    ``out.x[0]``, ``out.P[0]``.
     """
     predict(x, P, (rows.t[begin] - t_ns) * 1e-9, jerk, model.rate, model.prior)
+    out.x[0], out.P[0] = x, P
     index, gain, m = out.index[0], out.gain[0], out.m[0]
     doubt = np.zeros(end - begin)
     for i in range(begin, end):

@@ -9,12 +9,13 @@ Everything follows from the rows in order of time. A late row winds the estimato
 it and goes on from there, so what is final does not depend on the order of arrival.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from filters import decide, ins, motion, noise, outlier, rivals, start
+from filters import correction as corrections
+from filters import decide, ins, m1, motion, noise, outlier, rivals, start
 from filters import model as models
 from filters import report as reports
 from filters import window as windows
@@ -79,7 +80,8 @@ JUDGED = (
 )  # columns that a rewind restores
 
 
-def _room(n: int) -> Rows:
+def room(n: int) -> Rows:
+    """Empty rows, ``n`` of them."""
     types = ["i8", "i8", "i2", "i1", "f8", "f8", "f8", "f8", "f8", "f8", "f8", "f8", "i1", "i1", "i1", "f8"]
     return Rows(*(np.zeros(n, t) for t in types))
 
@@ -133,21 +135,41 @@ METHODS = {
     "ukf": {"hard": np.inf, "soft": np.inf, "horizon_s": 0.0},
     "gate": {"hard": 4.0, "soft": 4.0, "horizon_s": 0.0},
     "igg": {"hard": 8.5, "soft": 1.5, "horizon_s": 0.0},
+    "ga-bp-ukf": {"hard": m1.NOTHING, "soft": m1.C, "horizon_s": 0.0},
 }
+HANDLING = {"ga-bp-ukf": (m1.admit, m1.label)}  # how fresh rows are decided and named; else the default
 
 
-def make(method: str, sensors: Sequence[Sensor], settings: Settings | None = None) -> "Estimator":
+def make(
+    method: str,
+    sensors: Sequence[Sensor],
+    settings: Settings | None = None,
+    correction: Callable = corrections.off,
+) -> "Estimator":
     """An estimator by name, which overrides some ``settings``. Raises ValueError for an unknown one."""
     if method not in METHODS:
         raise ValueError(f"unknown method {method!r}; choose one of {', '.join(METHODS)}")
-    return Estimator(sensors, (settings or Settings())._replace(**METHODS[method]))
+    handling = HANDLING.get(method, (decide.admit, outlier.label))
+    return Estimator(sensors, (settings or Settings())._replace(**METHODS[method]), handling, correction)
 
 
 class Estimator:
-    """See the module's text. ``sensors`` in the order of ROW's ``sensor``."""
+    """See the module's text. ``sensors`` in the order of ROW's ``sensor``.
 
-    def __init__(self, sensors: Sequence[Sensor], settings: Settings):
+    ``correction`` makes of each epoch's predicted and updated state the one that is published; as
+    `corrections.off`.
+    """
+
+    def __init__(
+        self,
+        sensors: Sequence[Sensor],
+        settings: Settings,
+        handling: tuple[Callable, Callable] = (decide.admit, outlier.label),
+        correction: Callable = corrections.off,
+    ):
         self.sensors, self.settings = tuple(sensors), settings
+        self._admit, self._label = handling
+        self._correction = correction
         self.model = models.build(
             sensors, settings.jerk_psd, settings.ins_bias_sigma_m, settings.ins_bias_tau_s
         )
@@ -155,7 +177,7 @@ class Estimator:
         self._cell_ns, self._horizon_ns, self._lateness_ns = (
             round(1e9 * s) for s in (settings.cell_s, settings.horizon_s, settings.lateness_s)
         )
-        self._rows, self._size, self._done, self._final = _room(4096), 0, 0, 0
+        self._rows, self._size, self._done, self._final = room(4096), 0, 0, 0
         self._out, self._spare = windows.trace(1024, n, 256), windows.trace(1024, n, 256)
         self._work = windows.scratch(n)
         self._r, self._N = np.zeros(n), np.zeros((n, n))
@@ -172,7 +194,7 @@ class Estimator:
 
     def warm_up(self) -> None:
         """Compile everything, or fetch it from the cache, before the first measurement."""
-        twin = Estimator(self.sensors, self.settings)
+        twin = Estimator(self.sensors, self.settings, (self._admit, self._label), self._correction)
         said = [(s, c) for s, sensor in enumerate(self.sensors) for c in np.flatnonzero(sensor.sigma > 0)]
         rows = np.zeros(2 * len(said), ROW)
         for k, (s, c) in enumerate(said + said):
@@ -189,7 +211,9 @@ class Estimator:
         while self._done < self._size:
             if self._epoch() and self._head.t_ns > self._newest_ns:
                 self._newest_ns = self._head.t_ns
-                track[count] = self._tracks([self._head.t_ns], self._head.x[None], self._head.P[None])[0]
+                head, out = self._head, self._out
+                x = self._correction(out.x[0], out.P[0], head.x, head.P)
+                track[count] = self._tracks([head.t_ns], x[None], head.P[None])[0]
                 count += 1
         return Step(track[:count], self._take_smoothed(), np.concatenate([refused, self._changed()]))
 
@@ -283,7 +307,7 @@ class Estimator:
         if cell_ns > self._boundary_ns:
             self._close(cell_ns)
         head, s = self._head, self.settings
-        decide.admit(
+        self._admit(
             self.model,
             rows,
             begin,
@@ -300,7 +324,7 @@ class Estimator:
             self._out,
             self._work,
         )
-        outlier.label(
+        self._label(
             rows.sensor,
             rows.channel,
             rows.weight,

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 
+from filters.correction import off
 from gcs import live, messages
 from gcs.config import Station
 from gcs.console import say
@@ -45,6 +46,7 @@ def serve(
     stop: threading.Event,
     seconds: float | None = None,
     beside: Callable[[ExitStack], threading.Event] | None = None,
+    correction: Callable = off,
 ) -> None:
     """Run until ``stop``, or for ``seconds`` from when the station is ready.
 
@@ -62,7 +64,7 @@ def serve(
             stack.callback(shown.close)
         say("compiling the filter (once; cached for the next start)")
         feeds = live.BusFeeds(bus)
-        session = new_session(station, frame, folder, method, targets(bus, shown), feeds)
+        session = new_session(station, frame, folder, method, targets(bus, shown), feeds, correction)
         still = scene(station, frame)
         bus.publish("scene", still)
         bus.serve("scene", lambda: messages.encode(still))

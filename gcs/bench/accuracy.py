@@ -65,6 +65,7 @@ def summary(case: Case, method: str, runs: list[dict]) -> dict:
     figures = {
         **_spread("ratio", [r["ratio"] for r in runs]),
         **_spread("smoothed", [r["smoothed"] for r in runs]),
+        "rms_m": float(np.median([r["rms_m"] for r in runs])),
         "oracle_rms_m": float(np.median([r["oracle_rms_m"] for r in runs])),
         "lost": sum(r["lost"] for r in runs),
         "found_isolated": _share(*found["isolated"]),

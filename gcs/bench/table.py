@@ -12,7 +12,7 @@ from gcs.record import stamp
 
 WIDE = 180  # columns where there is no terminal
 COLUMNS = {
-    "ratio_median": "error / oracle", "ratio_worst": "worst", "smoothed_median": "smoothed",
+    "rms_m": "rms m", "ratio_median": "/ oracle", "ratio_worst": "worst", "smoothed_median": "smoothed",
     "smoothed_worst": "worst", "lost": "lost", "found_isolated": "isolated found", "found_patch": "in runs",
     "false_per_10000": "false of 10⁴", "nees_mean": "NEES", "oracle_nees": "of the oracle",
     "nees_in_band": "in band", "nis_in_band": "NIS in band",
