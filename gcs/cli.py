@@ -41,6 +41,8 @@ def main() -> None:
         _refuse(" ".join(str(error).split()) + "; see gcs --help")
     except InputError as error:
         _refuse(str(error))
+    except KeyboardInterrupt:  # before a command listens for it: while it waits for a router, say
+        sys.exit(130)
 
 
 @app.command
@@ -237,6 +239,30 @@ def _instrument(kind: Literal["theodolite", "radar"]):
             source.run(bus, name, origin, _stopped(), **pace)
 
     return command
+
+
+@bridge.command
+def simulated(
+    truth: Path,
+    *,
+    station: Path,
+    seed: int = 0,
+    tlog: Annotated[
+        Path | None, Parameter(help="the same flight's log, where the truth is in boot time")
+    ] = None,
+    speed: float = 1.0,
+    now: Annotated[bool, Parameter(negative="", help="move the flight to the present")] = False,
+    config: Config = (),
+) -> None:
+    """Every instrument of the station onto the bus, simulated from a truth track with all that goes wrong."""
+    from bridges import simulated as source
+    from gcs import config as configuration
+
+    resolved = configuration.load(station, config)
+    track = source.read_truth(truth, source.boot_to_utc_ns(tlog) if tlog else None)
+    instruments = source.crooked(source.instruments_of(station), seed)
+    with _bridge_bus(resolved) as bus:
+        source.run(bus, track, instruments, seed, _stopped(), speed=speed, now=now)
 
 
 for _kind in ("theodolite", "radar"):
