@@ -127,7 +127,7 @@ LONG_AGO_NS = np.iinfo(np.int64).min // 2
 MARK_NS = 1_000_000_000
 HALF_QUALITY_M = 10.0  # position 1-sigma at which quality is 50
 DEEP = 3  # every so many re-decisions hear the costly rivals too
-YOUNG_NS = 5_000_000_000  # so long the first fix itself may be doubted for one channel's sake
+YOUNG_NS = 5_000_000_000  # so long the first fix itself may be doubted, for one channel's sake too
 WITNESSES = 2  # other sensors that it takes to call a run wrong
 START_NS = 1_000_000_000  # rows so far apart may still make a fix together
 METHODS = {
@@ -338,7 +338,18 @@ class Estimator:
         )
         self._head = head._replace(t_ns=int(t_ns))
         self._done = end
+        if s.horizon_s > 0 and (rows.weight[begin:end] == 0.0).any():
+            self._doubt_motion(end)
         return True
+
+    def _doubt_motion(self, end: int) -> None:
+        """Decide again at once, where what was just refused may be a jolt."""
+        if not self._young() and rivals.jolt(self._rows, self._decided, end) < end:
+            self._redecide(self._decided, end)
+
+    def _young(self) -> bool:
+        """Whether the first fix itself may still be what is wrong."""
+        return self._anchor.t_ns < self._marks[0][1].t_ns + YOUNG_NS
 
     def _begin(self, end: int) -> bool:
         """Start from the first fix that the last second's rows give; older rows get no state."""
@@ -404,10 +415,11 @@ class Estimator:
             noise.shake(rows, begin, end, s, self.model.variance, self._scale[1])
         cost = self._settle(begin, end, self._anchor, self._head, self._out)
         cost = self._follow_jerk(begin, end, cost)
+        cost = self._hear_jolt(begin, end, cost)
         deep = self._boundary_ns // self._cell_ns % DEEP == 0
         for weights, margin in rivals.weights(rows, begin, end, self._out, len(self.sensors), deep):
             cost = self._hear(begin, end, weights, self._anchor, cost, margin)
-        young = self._anchor.t_ns < self._marks[0][1].t_ns + YOUNG_NS
+        young = self._young()
         unheard = young and rivals.lost(rows, begin, end, len(self.sensors))
         if deep and (unheard or rivals.disagreement(rows, begin, end)):
             self._start_again(begin, end, cost, not young)
@@ -432,11 +444,13 @@ class Estimator:
     def _follow_jerk(self, begin: int, end: int, cost: float) -> float:
         """More jerk or less, where the window is likelier with it; all its rows are judged again then."""
         jerk, anchor, head = self._rows.jerk, self._anchor, self._head.copy()
+        now = jerk[begin:end].copy()
+        calm = now < motion.JOLT
         for factor in (motion.STEP, 1.0 / motion.STEP):
             other = self._jerk * factor
             if not motion.CALMEST <= other <= motion.WILDEST:
                 continue
-            jerk[begin:end] = other
+            jerk[begin:end] = np.where(calm, other, now)
             price = decide.price(
                 self.model, self._rows, begin, end, anchor.x, anchor.P, anchor.t_ns, head.x, head.P,
                 self._spare, self._work, self._recent,
@@ -444,7 +458,16 @@ class Estimator:
             if price < cost - motion.SURER:
                 self._jerk = other
                 return self._settle(begin, end, anchor, self._head, self._out)
-        jerk[begin:end] = self._jerk
+        jerk[begin:end] = np.where(calm, self._jerk, now)
+        return cost
+
+    def _hear_jolt(self, begin: int, end: int, cost: float) -> float:
+        """Where several sensors are refused at once, it may be the motion that is unusual, not they."""
+        jolt = end if self._young() else rivals.jolt(self._rows, begin, end)
+        if jolt < end:
+            weights = self._rows.weight[begin:end].copy()
+            weights[jolt - begin :] = 1.0
+            cost = self._hear(begin, end, weights, self._anchor, cost, rivals.MARGIN, jolt)
         return cost
 
     def _settle(self, begin: int, end: int, anchor: Moment, head: Moment, out: windows.Trace) -> float:
@@ -454,16 +477,21 @@ class Estimator:
             head.x, head.P, out, self._work, self._r, self._N, self._recent,
         )  # fmt: skip
 
-    def _hear(self, begin: int, end: int, weights: np.ndarray, anchor: Moment, cost: float, margin) -> float:
-        """Settle from other ``weights`` (end − begin,); returns the cost.
+    def _hear(
+        self, begin: int, end: int, weights: np.ndarray, anchor: Moment, cost: float, margin, jolt=None
+    ):
+        """Settle from other ``weights`` (end − begin,), with a jolt before row ``jolt``; returns the cost.
 
         The story stays if its cost is lower than ``cost`` by ``margin``.
         """
         judged = [(column, column[begin:end].copy()) for column in self._judged()]
         head = self._head.copy()
         self._rows.weight[begin:end] = weights
+        if jolt is not None:
+            self._rows.jerk[jolt:end] = motion.JOLT
         other = self._settle(begin, end, anchor, head, self._spare)
-        if other < cost - margin:
+        explained = jolt is None or rivals.explained(self._rows, jolt, end)
+        if explained and other < cost - margin:
             self._out, self._spare = self._spare, self._out
             self._anchor, self._head = anchor, head
             return other

@@ -12,6 +12,7 @@ from numba import njit
 CORE = 9
 JERK_PSD = 10.0  # m²/s⁵ per axis, to begin with: 3 m/s³ held for about a second is ordinary
 CALMEST, WILDEST = 0.05, 2000.0  # m²/s⁵: hovering in still air; a light aircraft in gusts
+JOLT = 3e5  # m²/s⁵ while the motion changes abruptly: a launch, a collision
 STEP = 3.0  # from one density to the next
 SURER = 3.0  # by which the window's cost, −2 log likelihood, has to fall for such a step
 

@@ -8,13 +8,14 @@ story of lower cost wins.
 import numpy as np
 from numba import njit
 
-from filters import outlier
+from filters import motion, outlier
 
 JUMP = 3.2  # sigmas of a used row's innovation that may be the beginning of a run
 MOSTLY = 0.6  # refused share of a channel's rows that makes one doubt the others instead
 TOTAL = 0.35  # refused share of all rows that makes one doubt the state itself
 MARGIN = 4.0  # by which a rival's cost has to be lower
 DEEP_MARGIN = 20.0  # the same for the rivals that turn everything round
+JOLT_NS = 150_000_000  # refusals of several sensors so close together may be one abrupt motion
 MANY = 4  # rivals tried at most for jumps in one re-decision
 
 
@@ -58,6 +59,23 @@ def weights(rows, begin, end, out, sensors: int, deep: bool) -> list[tuple[np.nd
         if disagreement(rows, begin, end):
             found.append((np.ones(end - begin), DEEP_MARGIN))
     return found
+
+
+def jolt(rows, begin, end) -> int:
+    """The row from which an abrupt motion would explain what several sensors were just refused for.
+
+    ``end`` where there is no such thing: fewer than two sensors refused within JOLT_NS.
+    """
+    first = begin + int(np.searchsorted(rows.t[begin:end], rows.t[end - 1] - JOLT_NS))
+    refused = first + np.flatnonzero((rows.weight[first:end] == 0.0) & (rows.jerk[first:end] < motion.JOLT))
+    if len(np.unique(rows.sensor[refused])) < 2:
+        return end
+    return int(refused[0])
+
+
+def explained(rows, jolt, end) -> bool:
+    """Whether the sensors agree on the jolt: of rows ``jolt`` to ``end`` at most one sensor's are refused."""
+    return len(np.unique(rows.sensor[jolt:end][rows.weight[jolt:end] == 0.0])) < 2
 
 
 def lost(rows, begin, end, sensors: int) -> list[np.ndarray]:

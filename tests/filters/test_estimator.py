@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from filters import model, simulate, window
+from filters import model, scenario, simulate, window
 from filters.estimator import make
 from filters.outlier import REASONS
 from filters.rows import CHANNELS, DUPLICATE, INVALID, LATE, ROW
@@ -184,3 +184,41 @@ def test_a_run_that_only_one_other_contradicts_is_ambiguous():
     )
     *_, verdicts = run(make("default", used), rows)
     assert REASONS.index("ambiguous") in verdicts["reason"]
+
+
+def test_an_abrupt_motion_is_no_outlier():
+    """The vehicle's velocity changes by 8 m/s within a tenth of a second; every sensor sees it."""
+    _, used, rows, _ = scene(14, seconds=16.0, level="hover")
+    begin_ns = simulate.T0_NS + 10 * 10**9
+    late_s = (rows["t_ns"] - begin_ns) * 1e-9
+    truth, *_ = scene(14, seconds=16.0, level="hover")
+    push = np.clip(late_s, 0.0, 0.1)
+    climb_m = 40.0 * push**2 + 8.0 * np.clip(late_s - 0.1, 0.0, None)
+    t_s = (rows["t_ns"] - simulate.T0_NS) * 1e-9
+    p, v, _ = scenario.at(truth, t_s)
+    up = np.column_stack([np.zeros_like(climb_m), np.zeros_like(climb_m), climb_m])
+    rise = np.column_stack([np.zeros_like(push), np.zeros_like(push), 80.0 * push])
+    for s, sensor in enumerate(used):
+        mine = rows["sensor"] == s
+        for c in np.unique(rows["channel"][mine]):
+            here = np.flatnonzero(mine & (rows["channel"] == c))
+            if sensor.kind == "ins":
+                extra = {6: climb_m, 9: 80.0 * push, 12: np.where((late_s > 0.0) & (late_s < 0.1), 80.0, 0.0)}
+                rows["value"][here] += extra.get(int(c), np.zeros(len(rows)))[here]
+                continue
+            was, now = (polar(q[here] - sensor.offset_m, w[here], c) for q, w in ((p, v), (p + up, v + rise)))
+            rows["value"][here] += now - was
+    track, *_ = run(make("default", used), rows)
+    t_s = (track["t_ns"] - begin_ns) * 1e-9
+    truth_m = scenario.at(truth, t_s + 10.0)[0]
+    truth_m[:, 2] += 40.0 * np.clip(t_s, 0.0, 0.1) ** 2 + 8.0 * np.clip(t_s - 0.1, 0.0, None)
+    after = (t_s > 0.0) & (t_s < 3.0)
+    assert np.linalg.norm(track["x"][after, :3] - truth_m[after], axis=1).max() < 2.0
+
+
+def polar(p, v, channel):
+    """Range, azimuth, elevation or range rate of positions (k, 3), as a textbook has them."""
+    distance = np.linalg.norm(p, axis=1)
+    if channel == 3:
+        return (p * v).sum(axis=1) / distance
+    return (distance, np.arctan2(p[:, 0], p[:, 1]), np.arcsin(p[:, 2] / distance))[channel]
