@@ -1,0 +1,181 @@
+"""Robust adaptive filter for one wind component seen through coloured noise.
+
+Model (time-varying autoregression, every noise with a memory of its own):
+
+    x(k+1) = φ x(k) + η(k+1),  η(k+1) = η(k) + w,  w ~ N(0, drift_var)      wind, m/s
+    z(k)   = x(k) + γ(k),      γ(k+1) = ψ γ(k) + v,  v ~ N(0, noise_var)    measured wind, m/s
+
+``φ`` is itself unknown and a slow random walk, so the state is X = (x, η, φ), linearised at its estimate.
+The measurement noise loses its memory by differencing, L(k) = z(k+1) − ψ z(k) = A X(k) + e(k) with
+A = HΦ − ψH. The same w is then in the dynamics and in e: J = ΓQΓᵀHᵀ/R_e takes it out, Φ* = Φ − JA,
+Q* = ΓQΓᵀ − J R_e Jᵀ (Bryson & Henrikson 1968; Bar-Shalom, Li & Kirubarajan 2001, 8.3).
+
+With ψ = 1 the noise is a random walk and nothing but the start holds the level of x: a differenced
+measurement says how the wind changed, not what it is. ψ < 1 keeps it observable, ψ = 0 is white noise.
+
+Three filters share this model: ``kalman`` believes everything; ``sage-husa`` estimates the noise from its
+own innovations (Sage & Husa 1969, with fading memory); ``arf`` weighs the measurement by its residual
+(IGG-III, Yang 1994) and frees the prediction where the measurements agree against it (Yang, He & Xu 2001).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+METHODS = ("kalman", "sage-husa", "arf")
+KALMAN, SAGE_HUSA, ARF = range(len(METHODS))
+FADING = 0.97  # Sage-Husa: memory of about 33 measurements
+ALPHA_FLOOR = 0.05  # one scalar cannot carry three states: the prediction keeps a twentieth of its weight
+VOTERS = 5  # accepted measurements whose median speaks against the prediction
+
+
+class Wind1D(NamedTuple):
+    """What is assumed about one wind component, and how sceptical ``arf`` is."""
+
+    drift_var: float = 0.01  # (m/s)² a step
+    noise_var: float = 2.0  # (m/s)² a step
+    noise_memory: float = 0.5  # ψ: 1 a random walk, 0 white
+    phi: float = 1.0  # at the start
+    phi_sigma: float = 0.1  # of it
+    phi_walk: float = 1e-3  # 1-sigma a step
+    start_sigma: float = 3.0  # m/s, of the first measurement
+    k0: float = 2.0  # standardised residuals up to here have full weight
+    k1: float = 5.0  # and beyond here none
+    c0: float = 1.0  # the same for the prediction against the measurements' median
+    c1: float = 5.0
+    patience: int = 15  # so many refusals in a row, and it is the prediction that is wrong
+
+
+class Estimate(NamedTuple):
+    """n estimates, each from the measurements up to then."""
+
+    x: np.ndarray  # (n,) m/s
+    sigma: np.ndarray  # (n,) m/s
+    phi: np.ndarray  # (n,)
+    weight: np.ndarray  # (n,) of the measurement, 0 … 1
+
+
+@njit(cache=True)
+def three_segments(deviation: float, inner: float, outer: float) -> float:
+    """Weight 1 up to ``inner``, 0 beyond ``outer``, between them (inner/d) ((outer−d)/(outer−inner))²."""
+    d = abs(deviation)
+    if d <= inner:
+        return 1.0
+    if d > outer:
+        return 0.0
+    return inner / d * ((outer - d) / (outer - inner)) ** 2
+
+
+def estimate(z: np.ndarray, method: str = "arf", model: Wind1D = Wind1D()) -> Estimate:  # noqa: B008
+    """One wind component, (n,) m/s at steady steps, NaN where there is no measurement.
+
+    Raises ValueError for a name that is not in ``METHODS``.
+    """
+    if method not in METHODS:
+        raise ValueError(f"unknown method {method!r}; choose one of {', '.join(METHODS)}")
+    z = np.asarray(z, float)
+    return Estimate(*_run(z, METHODS.index(method), np.array(model)))
+
+
+@njit(cache=True)
+def _run(z, method, model):
+    n = len(z)
+    x_out, sigma_out, phi_out = np.full(n, np.nan), np.full(n, np.nan), np.full(n, np.nan)
+    weight_out = np.zeros(n)
+    first = 0
+    while first < n and np.isnan(z[first]):
+        first += 1
+    if first == n:
+        return x_out, sigma_out, phi_out, weight_out
+    X = np.array([z[first], 0.0, model[3]])
+    P = np.diag(np.array([model[6] ** 2, model[0], model[4] ** 2]))
+    # what is carried from step to step: reference z(k), its variance as a stand-in, R estimated, steps, refusals
+    memory = np.array([z[first], 0.0, model[1], 0.0, 0.0])
+    voters = np.full(VOTERS, np.nan)
+    x_out[first], sigma_out[first], phi_out[first], weight_out[first] = X[0], model[6], X[2], 1.0
+    for k in range(first + 1, n):
+        weight_out[k] = _step(X, P, memory, voters, z[k], method, model)
+        x_out[k], sigma_out[k], phi_out[k] = X[0], np.sqrt(P[0, 0]), X[2]
+    return x_out, sigma_out, phi_out, weight_out
+
+
+@njit(cache=True)
+def _step(X, P, memory, voters, z, method, model):
+    """From X(k) to X(k+1) in place with z(k+1); returns the weight that z had."""
+    drift_var, noise_var, psi = model[0], model[1], model[2]
+    H = np.array([1.0, 0.0, 0.0])
+    Phi = np.array([[X[2], 1.0, X[0]], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+    gamma = np.array([1.0, 1.0, 0.0])
+    Q = drift_var * np.outer(gamma, gamma)
+    Q[2, 2] = model[5] ** 2
+    # difference: L = z − ψ z_ref, predicted with the non-linear model
+    ahead = np.array([X[2] * X[0] + X[1], X[1], X[2]])
+    A = H @ Phi - psi * H
+    R = drift_var + noise_var
+    predicted = ahead[0] - psi * X[0] + psi * memory[0]
+    stand_in = psi * psi * memory[1]
+    innovation = z - predicted
+    if np.isnan(z):
+        weight = 0.0
+        innovation = 0.0
+    elif method == ARF:
+        weight = _weigh(P, A, R + stand_in, innovation, memory, model)
+        if weight > 0.0:
+            _free(P, voters, z, ahead[0], Phi, Q, noise_var / max(1.0 - psi * psi, 0.1), model)
+    else:
+        weight = 1.0
+    spread = A @ P @ A
+    if method == SAGE_HUSA and weight > 0.0:
+        memory[3] += 1.0
+        d = (1.0 - FADING) / (1.0 - FADING ** (memory[3] + 1.0))
+        memory[2] = max((1.0 - d) * memory[2] + d * (innovation**2 - spread), 0.05 * noise_var)
+        R = drift_var + memory[2]
+    # update X(k), then go on with the correlation taken out
+    if weight > 0.0:
+        R_used = (R + stand_in) / weight
+        gain = P @ A / (spread + R_used)
+        J = Q @ H / R_used
+        X += gain * innovation
+        P -= np.outer(gain, gain) * (spread + R_used)
+        left = innovation * R_used / (spread + R_used)  # what the updated state does not explain
+        step = Phi - np.outer(J, A)
+        ahead = np.array([X[2] * X[0] + X[1], X[1], X[2]]) + J * left
+        P[:] = step @ P @ step.T + Q - np.outer(J, J) * R_used
+    else:
+        P[:] = Phi @ P @ Phi.T + Q
+    X[:] = ahead
+    X[2] = min(max(X[2], 0.0), 1.0)  # a wind that grows by itself is none
+    # a doubted measurement leaves a stand-in between itself and its prediction, as unsure as that is
+    memory[0] = predicted + weight * innovation
+    memory[1] = (1.0 - weight) * (spread + R + stand_in)
+    P[:] = 0.5 * (P + P.T)
+    return weight
+
+
+@njit(cache=True)
+def _weigh(P, A, R, innovation, memory, model):
+    """IGG-III weight of a measurement; after too many refusals the prediction is given up instead."""
+    u = innovation / np.sqrt(A @ P @ A + R)
+    weight = three_segments(u, model[7], model[8])
+    memory[4] = memory[4] + 1.0 if weight == 0.0 else 0.0
+    if memory[4] <= model[11]:
+        return weight
+    memory[4] = 0.0
+    P[0, 0] += innovation**2
+    return 1.0
+
+
+@njit(cache=True)
+def _free(P, voters, z, x_ahead, Phi, Q, level_var, model):
+    """Divide P by the adaptive factor of the prediction, judged by the median of the accepted measurements.
+
+    Outliers have no vote, so what moves the median is the wind.
+    """
+    voters[:-1] = voters[1:]
+    voters[-1] = z
+    if np.isnan(voters[0]):
+        return
+    variance = (Phi @ P @ Phi.T + Q)[0, 0] + 1.57 * level_var / VOTERS  # π/2: the median's loss
+    delta = (np.median(voters) - x_ahead) / np.sqrt(variance)
+    P[0, 0] /= max(three_segments(delta, model[9], model[10]), ALPHA_FLOOR)
