@@ -90,7 +90,7 @@ def _run(z, method, model):
         return x_out, sigma_out, phi_out, weight_out
     X = np.array([z[first], 0.0, model[3]])
     P = np.diag(np.array([model[6] ** 2, model[0], model[4] ** 2]))
-    # what is carried from step to step: reference z(k), its variance as a stand-in, R estimated, steps, refusals
+    # carried from step to step: reference z(k), its variance as a stand-in, estimated noise, steps, refusals
     memory = np.array([z[first], 0.0, model[1], 0.0, 0.0])
     voters = np.full(VOTERS, np.nan)
     x_out[first], sigma_out[first], phi_out[first], weight_out[first] = X[0], model[6], X[2], 1.0

@@ -66,8 +66,8 @@ class Wind(NamedTuple):
 def true_airspeed(calibrated_mps, alt_msl_m, temperature_k=None):
     """True airspeed of a calibrated one: CAS √(ρ0/ρ), incompressible (below 100 m/s within 0.5 %).
 
-    Pressure by the standard atmosphere at ``alt_msl_m``; so is the temperature, unless that of the outside air
-    is given. Scalars or arrays.
+    Pressure by the standard atmosphere at ``alt_msl_m``; so is the temperature, unless that of the outside
+    air is given. Scalars or arrays.
     """
     ratio = 1.0 - LAPSE_KPM * np.asarray(alt_msl_m, float) / SEA_LEVEL_K
     temperature_k = SEA_LEVEL_K * ratio if temperature_k is None else temperature_k

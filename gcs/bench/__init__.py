@@ -1,0 +1,1 @@
+"""Measurements of the station against what the papers report."""
