@@ -23,10 +23,13 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from filters.window import update
+
 METHODS = ("kalman", "sage-husa", "arf")
 KALMAN, SAGE_HUSA, ARF = range(len(METHODS))
 FADING = 0.97  # Sage-Husa: memory of about 33 measurements
 ALPHA_FLOOR = 0.05  # one scalar cannot carry three states: the prediction keeps a twentieth of its weight
+LEAST_NOISE = 0.05  # Sage-Husa: share of the assumed noise below which no estimate falls
 VOTERS = 5  # accepted measurements whose median speaks against the prediction
 
 
@@ -44,7 +47,7 @@ class Wind1D(NamedTuple):
     k1: float = 5.0  # and beyond here none
     c0: float = 1.0  # the same for the prediction against the measurements' median
     c1: float = 5.0
-    patience: int = 15  # so many refusals in a row, and it is the prediction that is wrong
+    patience: float = 15.0  # so many refusals in a row, and it is the prediction that is wrong
 
 
 class Estimate(NamedTuple):
@@ -75,7 +78,7 @@ def estimate(z: np.ndarray, method: str = "arf", model: Wind1D = Wind1D()) -> Es
     if method not in METHODS:
         raise ValueError(f"unknown method {method!r}; choose one of {', '.join(METHODS)}")
     z = np.asarray(z, float)
-    return Estimate(*_run(z, METHODS.index(method), np.array(model)))
+    return Estimate(*_run(z, METHODS.index(method), Wind1D(*map(float, model))))
 
 
 @njit(cache=True)
@@ -88,12 +91,13 @@ def _run(z, method, model):
         first += 1
     if first == n:
         return x_out, sigma_out, phi_out, weight_out
-    X = np.array([z[first], 0.0, model[3]])
-    P = np.diag(np.array([model[6] ** 2, model[0], model[4] ** 2]))
+    X = np.array([z[first], 0.0, model.phi])
+    P = np.zeros((3, 3))
+    P[0, 0], P[1, 1], P[2, 2] = model.start_sigma**2, model.drift_var, model.phi_sigma**2
     # carried from step to step: reference z(k), its variance as a stand-in, estimated noise, steps, refusals
-    memory = np.array([z[first], 0.0, model[1], 0.0, 0.0])
+    memory = np.array([z[first], 0.0, model.noise_var, 0.0, 0.0])
     voters = np.full(VOTERS, np.nan)
-    x_out[first], sigma_out[first], phi_out[first], weight_out[first] = X[0], model[6], X[2], 1.0
+    x_out[first], sigma_out[first], phi_out[first], weight_out[first] = X[0], model.start_sigma, X[2], 1.0
     for k in range(first + 1, n):
         weight_out[k] = _step(X, P, memory, voters, z[k], method, model)
         x_out[k], sigma_out[k], phi_out[k] = X[0], np.sqrt(P[0, 0]), X[2]
@@ -103,79 +107,103 @@ def _run(z, method, model):
 @njit(cache=True)
 def _step(X, P, memory, voters, z, method, model):
     """From X(k) to X(k+1) in place with z(k+1); returns the weight that z had."""
-    drift_var, noise_var, psi = model[0], model[1], model[2]
-    H = np.array([1.0, 0.0, 0.0])
+    psi = model.noise_memory
     Phi = np.array([[X[2], 1.0, X[0]], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
-    gamma = np.array([1.0, 1.0, 0.0])
-    Q = drift_var * np.outer(gamma, gamma)
-    Q[2, 2] = model[5] ** 2
     # difference: L = z − ψ z_ref, predicted with the non-linear model
-    ahead = np.array([X[2] * X[0] + X[1], X[1], X[2]])
-    A = H @ Phi - psi * H
-    R = drift_var + noise_var
-    predicted = ahead[0] - psi * X[0] + psi * memory[0]
+    A = Phi[0].copy()
+    A[0] -= psi
     stand_in = psi * psi * memory[1]
-    innovation = z - predicted
-    if np.isnan(z):
-        weight = 0.0
-        innovation = 0.0
-    elif method == ARF:
-        weight = _weigh(P, A, R + stand_in, innovation, memory, model)
-        if weight > 0.0:
-            _free(P, voters, z, ahead[0], Phi, Q, noise_var / max(1.0 - psi * psi, 0.1), model)
-    else:
-        weight = 1.0
-    spread = A @ P @ A
-    if method == SAGE_HUSA and weight > 0.0:
-        memory[3] += 1.0
-        d = (1.0 - FADING) / (1.0 - FADING ** (memory[3] + 1.0))
-        memory[2] = max((1.0 - d) * memory[2] + d * (innovation**2 - spread), 0.05 * noise_var)
-        R = drift_var + memory[2]
-    # update X(k), then go on with the correlation taken out
+    R = model.drift_var + model.noise_var
+    predicted = X[2] * X[0] + X[1] + psi * (memory[0] - X[0])
+    innovation = 0.0 if np.isnan(z) else z - predicted
+    weight = 0.0 if np.isnan(z) else 1.0
+    if method == ARF and weight > 0.0:
+        weight = _weigh(X, P, A, R + stand_in, z, innovation, memory, voters, model)
+    elif method == SAGE_HUSA and weight > 0.0:
+        R = model.drift_var + _observed_noise(P, A, innovation, memory, model)
+    # update X(k), then go on with what w has in both noises taken out: J = ΓQΓᵀHᵀ/R_e, Φ* = Φ − JA
+    spread = times(P, A) @ A
+    drift = model.drift_var
     if weight > 0.0:
         R_used = (R + stand_in) / weight
-        gain = P @ A / (spread + R_used)
-        J = Q @ H / R_used
-        X += gain * innovation
-        P -= np.outer(gain, gain) * (spread + R_used)
+        J = drift / R_used
+        update(X, P, times(P, A), innovation, spread + R_used)
         left = innovation * R_used / (spread + R_used)  # what the updated state does not explain
-        step = Phi - np.outer(J, A)
-        ahead = np.array([X[2] * X[0] + X[1], X[1], X[2]]) + J * left
-        P[:] = step @ P @ step.T + Q - np.outer(J, J) * R_used
+        Phi[0] -= J * A
+        Phi[1] -= J * A
+        drift -= J * J * R_used
+        pulled = J * left
     else:
-        P[:] = Phi @ P @ Phi.T + Q
-    X[:] = ahead
+        pulled = 0.0
+    X[0] = X[2] * X[0] + X[1] + pulled
+    X[1] += pulled
     X[2] = min(max(X[2], 0.0), 1.0)  # a wind that grows by itself is none
+    P[:] = sandwich(Phi, P)
+    P[:2, :2] += drift
+    P[2, 2] += model.phi_walk**2
     # a doubted measurement leaves a stand-in between itself and its prediction, as unsure as that is
     memory[0] = predicted + weight * innovation
     memory[1] = (1.0 - weight) * (spread + R + stand_in)
-    P[:] = 0.5 * (P + P.T)
     return weight
 
 
 @njit(cache=True)
-def _weigh(P, A, R, innovation, memory, model):
-    """IGG-III weight of a measurement; after too many refusals the prediction is given up instead."""
-    u = innovation / np.sqrt(A @ P @ A + R)
-    weight = three_segments(u, model[7], model[8])
-    memory[4] = memory[4] + 1.0 if weight == 0.0 else 0.0
-    if memory[4] <= model[11]:
-        return weight
-    memory[4] = 0.0
-    P[0, 0] += innovation**2
-    return 1.0
+def _observed_noise(P, A, innovation, memory, model):
+    """Sage-Husa: the noise variance that the innovations show, with fading memory."""
+    memory[3] += 1.0
+    d = (1.0 - FADING) / (1.0 - FADING ** (memory[3] + 1.0))
+    seen = innovation**2 - times(P, A) @ A
+    memory[2] = max((1.0 - d) * memory[2] + d * seen, LEAST_NOISE * model.noise_var)
+    return memory[2]
 
 
 @njit(cache=True)
-def _free(P, voters, z, x_ahead, Phi, Q, level_var, model):
-    """Divide P by the adaptive factor of the prediction, judged by the median of the accepted measurements.
+def _weigh(X, P, A, R, z, innovation, memory, voters, model):
+    """IGG-III weight of a measurement; the prediction's own where the measurements agree against it.
 
-    Outliers have no vote, so what moves the median is the wind.
+    Outliers have no vote: what moves the median of the accepted is the wind. After too many refusals it is
+    the prediction that is given up.
     """
-    voters[:-1] = voters[1:]
-    voters[-1] = z
-    if np.isnan(voters[0]):
-        return
-    variance = (Phi @ P @ Phi.T + Q)[0, 0] + 1.57 * level_var / VOTERS  # π/2: the median's loss
-    delta = (np.median(voters) - x_ahead) / np.sqrt(variance)
-    P[0, 0] /= max(three_segments(delta, model[9], model[10]), ALPHA_FLOOR)
+    weight = three_segments(innovation / np.sqrt(times(P, A) @ A + R), model.k0, model.k1)
+    memory[4] = memory[4] + 1.0 if weight == 0.0 else 0.0
+    if memory[4] > model.patience:
+        memory[4] = 0.0
+        P[0, 0] += innovation**2
+        return 1.0
+    if weight > 0.0:
+        voters[:-1] = voters[1:].copy()
+        voters[-1] = z
+    if weight > 0.0 and not np.isnan(voters[0]):
+        level_var = model.noise_var / max(1.0 - model.noise_memory**2, 0.1)
+        ahead = np.array([X[2], 1.0, X[0]])
+        variance = times(P, ahead) @ ahead + model.drift_var + np.pi / 2 * level_var / VOTERS
+        delta = (np.sort(voters)[VOTERS // 2] - X[2] * X[0] - X[1]) / np.sqrt(variance)
+        P[0, 0] /= max(three_segments(delta, model.c0, model.c1), ALPHA_FLOOR)
+    return weight
+
+
+@njit(cache=True)
+def times(P, a):
+    """P a, (n,)."""
+    out = np.zeros(len(a))
+    for i in range(len(a)):
+        for j in range(len(a)):
+            out[i] += P[i, j] * a[j]
+    return out
+
+
+@njit(cache=True)
+def sandwich(F, P):
+    """F P Fᵀ, (n, n), symmetric to the last bit. Loops compile and run faster than BLAS at this size."""
+    n = len(F)
+    half, out = np.zeros((n, n)), np.zeros((n, n))
+    for i in range(n):
+        for j in range(n):
+            for k in range(n):
+                half[i, j] += F[i, k] * P[k, j]
+    for i in range(n):
+        for j in range(i + 1):
+            for k in range(n):
+                out[i, j] += half[i, k] * F[j, k]
+            out[j, i] = out[i, j]
+    return out

@@ -74,7 +74,7 @@ class Channel:
     """One channel as it comes in. ``step`` gives what ``screen`` gives for the whole column."""
 
     def __init__(self, settings: Settings, method: str = METHODS[0]):
-        self._settings, self._method = np.array(settings, float), _choice(method)
+        self._settings, self._method = _plain(settings), _choice(method)
         self._state = _new(settings)
 
     def step(self, t_s: float, value: float) -> tuple[int, float, float, float]:
@@ -97,7 +97,7 @@ def screen(t_s: np.ndarray, values: np.ndarray, settings: Settings, method: str 
         state,
         np.asarray(t_s, float),
         np.asarray(values, float),
-        np.array(settings, float),
+        _plain(settings),
         *_choice(method),
         out,
     )
@@ -109,6 +109,11 @@ def _choice(method: str) -> tuple[bool, bool]:
     if method not in METHODS:
         raise ValueError(f"unknown method {method!r}; choose one of {', '.join(METHODS)}")
     return method.startswith("linear"), method.endswith("adaptive")
+
+
+def _plain(settings: Settings) -> Settings:
+    """Floats and one int: one compiled version for all."""
+    return Settings(*map(float, settings))._replace(window=int(settings.window))
 
 
 def _new(settings: Settings) -> _State:
@@ -128,43 +133,39 @@ def _column(state, t, values, settings, linear, adaptive, out):
 @njit(cache=True)
 def _step(state, t, value, settings, linear, adaptive):
     """Judge one value. Returns (flag, predicted, cleaned, sigma)."""
-    threshold, reach, period = settings[2], settings[4], settings[6]
-    reach = reach if state.count[HELD] >= len(state.t) else min(reach, YOUNG_REACH)
+    period = settings.period
+    reach = settings.reach if state.count[HELD] >= len(state.t) else min(settings.reach, YOUNG_REACH)
     if state.count[RUNNING] and t - state.t[-1] > reach * _interval(state):
         state.count[RUNNING], state.count[HELD] = 0, 0
         state.count[RESTARTS] += 1
     if not state.count[RUNNING]:
         return _start(state, t, value, settings)
-    predicted, growth = _by_line(state, t) if linear else _by_tracker(state, t, settings[5])
+    predicted, growth = _by_line(state, t) if linear else _by_tracker(state, t, settings.alpha)
     shown = predicted % period if period > 0.0 else predicted
     if np.isnan(value):
         return MISSING, shown, shown, state.track[SIGMA]
     residual = _wrapped(value - predicted, period)
-    sigma = state.track[SIGMA] if adaptive else settings[0]
-    good = abs(residual) <= threshold * sigma * growth
+    sigma = state.track[SIGMA] if adaptive else settings.sigma
+    good = abs(residual) <= settings.threshold * sigma * growth
     if good:
-        _accept(state, t, predicted + residual, residual, settings[5])
-    _remember(state, residual / growth, not good, settings[0])
+        _accept(state, t, predicted + residual, residual, settings.alpha)
+    _remember(state, residual / growth, not good, settings.sigma)
     return (GOOD, shown, value, sigma) if good else (OUTLIER, shown, shown, sigma)
 
 
 @njit(cache=True)
 def _start(state, t, value, settings):
     """Look for five values in a row that a cubic explains."""
-    sigma, limit, period = settings[0], settings[1], settings[6]
+    sigma, period = settings.sigma, settings.period
     if np.isnan(value):
         return MISSING, np.nan, np.nan, sigma
     before = state.x[-1]
-    state.t[:-1], state.x[:-1] = state.t[1:], state.x[1:]
-    state.t[-1], state.x[-1] = t, value
-    if state.count[HELD]:
-        state.x[-1] = before + _wrapped(value - before, period)
-    state.count[HELD] += 1
-    spacing = np.diff(state.t[-FIVE:])
+    _push(state, t, before + _wrapped(value - before, period) if state.count[HELD] else value)
     x = state.x[-FIVE:]
     fourth = x[0] - 4.0 * x[1] + 6.0 * x[2] - 4.0 * x[3] + x[4]
-    even = spacing.max() <= EVEN * spacing.min()
-    if state.count[HELD] < FIVE or not even or abs(fourth) > limit * sigma:
+    shortest, longest, _ = _spacing(state)
+    even = longest <= EVEN * shortest
+    if state.count[HELD] < FIVE or not even or abs(fourth) > settings.start * sigma:
         return STARTING, np.nan, np.nan, sigma
     state.count[RUNNING], state.count[RESIDUALS] = 1, 0
     state.track[SIGMA], state.track[LEVEL] = sigma, x[-1]
@@ -222,9 +223,7 @@ def _accept(state, t, x, residual, alpha):
     dt = t - state.t[-1]
     state.track[LEVEL] = x - (1.0 - alpha) * residual
     state.track[RATE] += alpha**2 / (2.0 - alpha) * residual / dt
-    state.t[:-1], state.x[:-1] = state.t[1:], state.x[1:]
-    state.t[-1], state.x[-1] = t, x
-    state.count[HELD] += 1
+    _push(state, t, x)
 
 
 @njit(cache=True)
@@ -248,9 +247,28 @@ def _remember(state, residual, refused, sigma):
 
 
 @njit(cache=True)
+def _push(state, t, x):
+    """A value joins those remembered; the oldest goes."""
+    for k in range(len(state.t) - 1):
+        state.t[k], state.x[k] = state.t[k + 1], state.x[k + 1]
+    state.t[-1], state.x[-1] = t, x
+    state.count[HELD] += 1
+
+
+@njit(cache=True)
+def _spacing(state):
+    """Shortest, longest and median of the four steps between the last five, s."""
+    shortest, longest, total = np.inf, 0.0, state.t[-1] - state.t[-FIVE]
+    for k in range(len(state.t) - FIVE + 1, len(state.t)):
+        step = state.t[k] - state.t[k - 1]
+        shortest, longest = min(shortest, step), max(longest, step)
+    return shortest, longest, (total - shortest - longest) / 2.0
+
+
+@njit(cache=True)
 def _interval(state):
-    """Seconds between values, as the five have it."""
-    return np.median(np.diff(state.t[-FIVE:]))
+    """Seconds between values, as the last five have it."""
+    return _spacing(state)[2]
 
 
 @njit(cache=True)

@@ -15,7 +15,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from filters.arf import ALPHA_FLOOR, three_segments
+from filters.arf import ALPHA_FLOOR, sandwich, three_segments, times
+from filters.window import update
 
 SEA_LEVEL_K, LAPSE_KPM, EXPONENT = 288.15, 0.0065, 5.25588  # ISO 2533: T = T0 − L h, p = p0 (T/T0)^EXPONENT
 N = 8
@@ -37,10 +38,10 @@ class Settings(NamedTuple):
     correlation_s: float = 1.0  # sideslip and airspeed errors last so long: faster samples say no more
     least_mps: float = 8.0  # below it a pitot tube measures its own noise
     observable_mps: float = 1.0  # largest 1-sigma of the mean wind that is called known
-    k0: float = 2.0  # three-segment weight of a measurement
-    k1: float = 6.0
-    c0: float = 1.5  # the same for the prediction, judged by the mean residual
-    c1: float = 6.0
+    k0: float = 1.0  # three-segment weight of a measurement; gusts are in its sigma, so 3 is far out
+    k1: float = 3.0
+    c0: float = 3.0  # the same for the prediction, judged by the mean residual
+    c1: float = 8.0
     memory_s: float = 5.0  # of that mean; refused for so long, and it is the wind that has changed
 
 
@@ -79,10 +80,9 @@ class WindEstimator:
 
     def __init__(self, settings: Settings = Settings(), coordinated: bool = True):  # noqa: B008
         """``coordinated``: a fixed wing, whose nose points where it flies through the air."""
-        self.settings, self.coordinated = settings, coordinated
-        self._parameters = np.array(settings)
+        self.settings, self.coordinated = Settings(*map(float, settings)), coordinated
         self._x, self._P = np.zeros(N), np.zeros((N, N))
-        _forget(self._x, self._P, self._parameters)
+        _forget(self._x, self._P, self.settings)
         self._evidence, self._t_ns = np.zeros((2, 2)), None
 
     def step(self, t_ns: int, tas_mps: float, attitude: np.ndarray, velocity: np.ndarray) -> Wind:
@@ -94,11 +94,11 @@ class WindEstimator:
         dt_s = 0.0 if self._t_ns is None else (t_ns - self._t_ns) * 1e-9
         if self._t_ns is None or dt_s > 0.0:
             self._t_ns = t_ns
-            _advance(self._x, self._P, dt_s, self._parameters)
+            _advance(self._x, self._P, dt_s, self.settings)
             if tas_mps >= self.settings.least_mps:
                 _learn(
                     self._x, self._P, dt_s, tas_mps, np.asarray(attitude, float), np.asarray(velocity, float),
-                    self.coordinated, self._evidence, self._parameters,
+                    self.coordinated, self._evidence, self.settings,
                 )  # fmt: skip
         return self.wind
 
@@ -118,7 +118,7 @@ class DeadReckoning:
     """The way on by air data plus wind: every error of both grows in the covariance."""
 
     def __init__(self, wind: WindEstimator, t_ns: int, position: np.ndarray, covariance: np.ndarray):
-        self._x, self._P, self._parameters = wind._x.copy(), wind._P.copy(), wind._parameters
+        self._x, self._P, self._settings = wind._x.copy(), wind._P.copy(), wind.settings
         self._x[:ME], self._P[:ME, :ME] = position, covariance
         self._t_ns = t_ns
 
@@ -126,36 +126,38 @@ class DeadReckoning:
         """Position east, north (2,) m and its covariance (2, 2) at ``t_ns``; arguments as for the wind."""
         dt_s, self._t_ns = (t_ns - self._t_ns) * 1e-9, t_ns
         _move(self._x, self._P, dt_s, tas_mps, np.asarray(attitude, float))
-        _advance(self._x, self._P, dt_s, self._parameters)
+        _advance(self._x, self._P, dt_s, self._settings)
         return self._x[:ME].copy(), self._P[:ME, :ME].copy()
 
 
 @njit(cache=True)
 def _forget(x, P, s):
     """Nothing is known but the priors."""
-    wind_mps, gust_mps, scale, heading = s[0], s[2], s[4], s[5]
     x[ME:] = 0.0
     P[:] = 0.0
-    for k, sigma in enumerate((wind_mps, wind_mps, gust_mps, gust_mps, scale, heading)):
-        P[ME + k, ME + k] = sigma**2
+    P[ME, ME] = P[MN, MN] = s.wind_mps**2
+    P[GE, GE] = P[GN, GN] = s.gust_mps**2
+    P[SCALE, SCALE], P[HEADING, HEADING] = s.scale**2, s.heading_rad**2
 
 
 @njit(cache=True)
 def _advance(x, P, dt, s):
     """Let ``dt`` seconds pass: wind walks, gusts and heading error decay towards their balance."""
-    wind_walk, gust_mps, gust_tau, heading, heading_tau = s[1], s[2], s[3], s[5], s[6]
-    P[ME, ME] += wind_walk**2 * dt
-    P[MN, MN] += wind_walk**2 * dt
-    for k, sigma, tau in (
-        (GE, gust_mps, gust_tau),
-        (GN, gust_mps, gust_tau),
-        (HEADING, heading, heading_tau),
-    ):
-        phi = np.exp(-dt / tau)
-        x[k] *= phi
-        P[k, :] *= phi
-        P[:, k] *= phi
-        P[k, k] += sigma**2 * (1.0 - phi * phi)
+    P[ME, ME] += s.wind_walk**2 * dt
+    P[MN, MN] += s.wind_walk**2 * dt
+    _decay(x, P, GE, np.exp(-dt / s.gust_tau_s), s.gust_mps)
+    _decay(x, P, GN, np.exp(-dt / s.gust_tau_s), s.gust_mps)
+    _decay(x, P, HEADING, np.exp(-dt / s.heading_tau_s), s.heading_rad)
+
+
+@njit(cache=True)
+def _decay(x, P, k, phi, sigma):
+    """One step of a first-order Markov state whose 1-sigma in balance is ``sigma``."""
+    x[k] *= phi
+    for j in range(N):
+        P[k, j] *= phi
+        P[j, k] *= phi
+    P[k, k] += sigma**2 * (1.0 - phi * phi)
 
 
 @njit(cache=True)
@@ -172,6 +174,8 @@ def _learn(x, P, dt, tas, attitude, velocity, coordinated, evidence, s):
     """Both measurements, one after the other."""
     h = np.zeros(N)
     if coordinated:
+        if P[ME, ME] >= s.wind_mps**2 and P[MN, MN] >= s.wind_mps**2:
+            _guess(x, tas, attitude, velocity)
         turned = attitude.copy()
         turned[2] -= x[HEADING]
         wing, by_yaw = _right_wing(turned)
@@ -179,7 +183,7 @@ def _learn(x, P, dt, tas, attitude, velocity, coordinated, evidence, s):
         h[ME] = h[GE] = -wing[0]
         h[MN] = h[GN] = -wing[1]
         h[HEADING] = -by_yaw @ air
-        _weigh(x, P, h, -wing @ air, (s[8] * tas) ** 2, dt, evidence[0], s)
+        _weigh(x, P, h, -wing @ air, (s.sideslip_rad * tas) ** 2, dt, evidence[0], s)
     air = _through_air(x, velocity)
     speed = np.sqrt(air @ air)
     if speed > 0.0:
@@ -187,7 +191,14 @@ def _learn(x, P, dt, tas, attitude, velocity, coordinated, evidence, s):
         h[ME] = h[GE] = -air[0] / speed
         h[MN] = h[GN] = -air[1] / speed
         h[SCALE] = -tas
-        _weigh(x, P, h, tas * (1.0 + x[SCALE]) - speed, s[7] ** 2, dt, evidence[1], s)
+        _weigh(x, P, h, tas * (1.0 + x[SCALE]) - speed, s.airspeed_mps**2, dt, evidence[1], s)
+
+
+@njit(cache=True)
+def _guess(x, tas, attitude, velocity):
+    """The wind triangle as it stands: not evidence yet, but the place to linearise at."""
+    x[ME] = velocity[0] - tas * np.cos(attitude[1]) * np.sin(attitude[2])
+    x[MN] = velocity[1] - tas * np.cos(attitude[1]) * np.cos(attitude[2])
 
 
 @njit(cache=True)
@@ -203,26 +214,24 @@ def _weigh(x, P, h, innovation, variance, dt, evidence, s):
     ``evidence`` holds the mean standardised residual and the seconds since one was accepted. A measurement
     off by chance is off once: it loses weight. A wind that has changed is off all the time, in one sense.
     """
-    correlation_s, memory_s = s[9], s[15]
-    u = innovation / np.sqrt(h @ P @ h + variance)
-    weight = three_segments(u, s[11], s[12])
+    spread = times(P, h)
+    u = innovation / np.sqrt(spread @ h + variance)
+    weight = three_segments(u, s.k0, s.k1)
     evidence[1] = evidence[1] + dt if weight == 0.0 else 0.0
-    if evidence[1] > memory_s:
+    if evidence[1] > s.memory_s:
         _forget(x, P, s)
         evidence[:] = 0.0
     elif weight > 0.0:
-        fresh = 1.0 - np.exp(-dt / memory_s)
+        fresh = 1.0 - np.exp(-dt / s.memory_s)
         evidence[0] += fresh * (u - evidence[0])
-        delta = evidence[0] * np.sqrt(2.0 * memory_s / correlation_s)
-        alpha = max(three_segments(delta, s[13], s[14]), ALPHA_FLOOR)
-        for k in (ME, MN):
-            P[k, k] *= 1.0 + fresh * (1.0 / alpha - 1.0)
+        delta = evidence[0] * np.sqrt(2.0 * s.memory_s / s.correlation_s)
+        alpha = max(three_segments(delta, s.c0, s.c1), ALPHA_FLOOR)
+        P[ME, ME] *= 1.0 + fresh * (1.0 / alpha - 1.0)
+        P[MN, MN] *= 1.0 + fresh * (1.0 / alpha - 1.0)
+        spread = times(P, h)
         # errors that last for many samples count once
-        spread, repeated = P @ h, max(1.0, correlation_s / dt) if dt > 0.0 else 1.0
-        S = h @ spread + variance * repeated / weight
-        x += spread * (innovation / S)
-        P -= np.outer(spread, spread) / S
-        P[:] = 0.5 * (P + P.T)
+        repeated = max(1.0, s.correlation_s / dt) if dt > 0.0 else 1.0
+        update(x, P, spread, innovation, spread @ h + variance * repeated / weight)
 
 
 @njit(cache=True)
@@ -230,14 +239,14 @@ def _move(x, P, dt, tas, attitude):
     """Position by ``dt`` seconds of airspeed along the nose, plus wind."""
     yaw = attitude[2] - x[HEADING]
     level = tas * np.cos(attitude[1])
-    east, north = np.sin(yaw), np.cos(yaw)
-    F = np.eye(N)
+    east, north = level * np.sin(yaw), level * np.cos(yaw)
+    scale = 1.0 + x[SCALE]
+    F = np.zeros((N, N))
+    for k in range(N):
+        F[k, k] = 1.0
     F[PE, ME] = F[PE, GE] = F[PN, MN] = F[PN, GN] = dt
-    F[PE, SCALE], F[PN, SCALE] = dt * level * east, dt * level * north
-    F[PE, HEADING], F[PN, HEADING] = (
-        -dt * level * (1.0 + x[SCALE]) * north,
-        dt * level * (1.0 + x[SCALE]) * east,
-    )
-    x[PE] += dt * (level * (1.0 + x[SCALE]) * east + x[ME] + x[GE])
-    x[PN] += dt * (level * (1.0 + x[SCALE]) * north + x[MN] + x[GN])
-    P[:] = F @ P @ F.T
+    F[PE, SCALE], F[PN, SCALE] = dt * east, dt * north
+    F[PE, HEADING], F[PN, HEADING] = -dt * scale * north, dt * scale * east
+    x[PE] += dt * (scale * east + x[ME] + x[GE])
+    x[PN] += dt * (scale * north + x[MN] + x[GN])
+    P[:] = sandwich(F, P)
