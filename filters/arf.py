@@ -65,7 +65,7 @@ def three_segments(deviation: float, inner: float, outer: float) -> float:
     d = abs(deviation)
     if d <= inner:
         return 1.0
-    if d > outer:
+    if not d <= outer:  # nor has what is no number
         return 0.0
     return inner / d * ((outer - d) / (outer - inner)) ** 2
 

@@ -89,16 +89,18 @@ class WindEstimator:
         """Take in what was valid at one instant.
 
         ``attitude`` (3,) roll, pitch, yaw in rad, from true north; ``velocity`` (3,) fused, ground, ENU, m/s.
-        Airspeeds below ``least_mps``, not finite, or not later than the last one only let time pass.
+        An airspeed below ``least_mps``, or anything not finite, only lets time pass; what is not later than
+        the last is left out.
         """
         dt_s = 0.0 if self._t_ns is None else (t_ns - self._t_ns) * 1e-9
         if self._t_ns is None or dt_s > 0.0:
             self._t_ns = t_ns
             _advance(self._x, self._P, dt_s, self.settings)
-            if tas_mps >= self.settings.least_mps:
+            attitude, velocity = np.asarray(attitude, float), np.asarray(velocity, float)
+            if tas_mps >= self.settings.least_mps and np.isfinite([*attitude, *velocity]).all():
                 _learn(
-                    self._x, self._P, dt_s, tas_mps, np.asarray(attitude, float), np.asarray(velocity, float),
-                    self.coordinated, self._evidence, self.settings,
+                    self._x, self._P, dt_s, tas_mps, attitude, velocity, self.coordinated, self._evidence,
+                    self.settings,
                 )  # fmt: skip
         return self.wind
 
@@ -123,7 +125,10 @@ class DeadReckoning:
         self._t_ns = t_ns
 
     def step(self, t_ns: int, tas_mps: float, attitude: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Position east, north (2,) m and its covariance (2, 2) at ``t_ns``; arguments as for the wind."""
+        """Position east, north (2,) m and its covariance (2, 2) at ``t_ns``.
+
+        Arguments as for the wind, all finite: where one is missing, the last one goes on.
+        """
         dt_s, self._t_ns = (t_ns - self._t_ns) * 1e-9, t_ns
         _move(self._x, self._P, dt_s, tas_mps, np.asarray(attitude, float))
         _advance(self._x, self._P, dt_s, self._settings)

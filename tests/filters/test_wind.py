@@ -110,7 +110,9 @@ def test_wrong_airspeeds_now_and_then_do_no_harm():
     tas[hit] += 15.0
     tas[700:720] = np.nan
     tas[900:930] = 0.0
-    _, found = follow(air._replace(tas_mps=tas))
+    velocity, attitude = air.velocity.copy(), air.attitude.copy()
+    velocity[0], attitude[1:30] = np.nan, np.nan
+    _, found = follow(air._replace(tas_mps=tas, velocity=velocity, attitude=attitude))
     _, clean = follow(air)
     assert np.linalg.norm(found[-1].en_mps - clean[-1].en_mps) < 0.5
 
