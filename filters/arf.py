@@ -23,6 +23,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from filters.outlier import weight as weight_of
 from filters.window import update
 
 METHODS = ("kalman", "sage-husa", "arf")
@@ -57,17 +58,6 @@ class Estimate(NamedTuple):
     sigma: np.ndarray  # (n,) m/s
     phi: np.ndarray  # (n,)
     weight: np.ndarray  # (n,) of the measurement, 0 … 1
-
-
-@njit(cache=True)
-def three_segments(deviation: float, inner: float, outer: float) -> float:
-    """Weight 1 up to ``inner``, 0 beyond ``outer``, between them (inner/d) ((outer−d)/(outer−inner))²."""
-    d = abs(deviation)
-    if d <= inner:
-        return 1.0
-    if not d <= outer:  # nor has what is no number
-        return 0.0
-    return inner / d * ((outer - d) / (outer - inner)) ** 2
 
 
 def estimate(z: np.ndarray, method: str = "arf", model: Wind1D = Wind1D()) -> Estimate:  # noqa: B008
@@ -164,7 +154,7 @@ def _weigh(X, P, A, R, z, innovation, memory, voters, model):
     Outliers have no vote: what moves the median of the accepted is the wind. After too many refusals it is
     the prediction that is given up.
     """
-    weight = three_segments(innovation / np.sqrt(times(P, A) @ A + R), model.k0, model.k1)
+    weight = weight_of(innovation / np.sqrt(times(P, A) @ A + R), model.k0, model.k1)
     memory[4] = memory[4] + 1.0 if weight == 0.0 else 0.0
     if memory[4] > model.patience:
         memory[4] = 0.0
@@ -178,7 +168,7 @@ def _weigh(X, P, A, R, z, innovation, memory, voters, model):
         ahead = np.array([X[2], 1.0, X[0]])
         variance = times(P, ahead) @ ahead + model.drift_var + np.pi / 2 * level_var / VOTERS
         delta = (np.sort(voters)[VOTERS // 2] - X[2] * X[0] - X[1]) / np.sqrt(variance)
-        P[0, 0] /= max(three_segments(delta, model.c0, model.c1), ALPHA_FLOOR)
+        P[0, 0] /= max(weight_of(delta, model.c0, model.c1), ALPHA_FLOOR)
     return weight
 
 

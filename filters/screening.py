@@ -9,12 +9,12 @@ Self-adaptive linear prediction:
 3. Noise: σ̂² from the last ``window`` residuals by Huber's Proposal 2, Σ min(Δu², C²σ²) = (n − 1) β σ²
    (Huber 1964; with C = 1.5, β = 0.7785 this is the paper's Σ₁ Δu² / ((n − 1) β − N_H C²)).
 
-What the formulas leave open. A residual is divided by the prediction's own error growth, so σ is the channel's
-noise and a prediction far ahead is not trusted like a near one. Through a run of outliers the line goes through
-all ``window`` good values, if they lie on one: the slope of five alone lost itself 20 times in the paper's
-record, and its false alarms went from one to thousands. Refused residuals enter the noise window only while
-they are at most a quarter of it, what Huber's estimate stands. And when nothing was good for ``reach`` samples
-the prediction is lost: the search for a good set begins again, a restart.
+What the formulas leave open. A residual is divided by the prediction's own error growth, so σ is the
+channel's noise, and a prediction far ahead is not trusted like a near one. Through a run of outliers the line
+goes through all ``window`` good values, if they lie on one: the slope of five alone lost itself 20 times in
+the paper's record, with thousands of false alarms instead of one. Refused residuals enter the noise window
+only while they are at most a quarter of it, what Huber's estimate stands. And when nothing was good for
+``reach`` samples the prediction is lost: the search for a good set begins again, a restart.
 
 What one channel cannot see: a slow error, and a run that is as smooth as the flight itself.
 """

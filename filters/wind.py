@@ -15,7 +15,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from filters.arf import ALPHA_FLOOR, sandwich, three_segments, times
+from filters.arf import ALPHA_FLOOR, sandwich, times
+from filters.outlier import weight as weight_of
 from filters.window import update
 
 SEA_LEVEL_K, LAPSE_KPM, EXPONENT = 288.15, 0.0065, 5.25588  # ISO 2533: T = T0 − L h, p = p0 (T/T0)^EXPONENT
@@ -221,7 +222,7 @@ def _weigh(x, P, h, innovation, variance, dt, evidence, s):
     """
     spread = times(P, h)
     u = innovation / np.sqrt(spread @ h + variance)
-    weight = three_segments(u, s.k0, s.k1)
+    weight = weight_of(u, s.k0, s.k1)
     evidence[1] = evidence[1] + dt if weight == 0.0 else 0.0
     if evidence[1] > s.memory_s:
         _forget(x, P, s)
@@ -230,7 +231,7 @@ def _weigh(x, P, h, innovation, variance, dt, evidence, s):
         fresh = 1.0 - np.exp(-dt / s.memory_s)
         evidence[0] += fresh * (u - evidence[0])
         delta = evidence[0] * np.sqrt(2.0 * s.memory_s / s.correlation_s)
-        alpha = max(three_segments(delta, s.c0, s.c1), ALPHA_FLOOR)
+        alpha = max(weight_of(delta, s.c0, s.c1), ALPHA_FLOOR)
         P[ME, ME] *= 1.0 + fresh * (1.0 / alpha - 1.0)
         P[MN, MN] *= 1.0 + fresh * (1.0 / alpha - 1.0)
         spread = times(P, h)
