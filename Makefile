@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo test lint format clean
+.PHONY: demo test bench format clean
 
 demo: .venv/core
 	$(BIN)/gcs demo
@@ -11,6 +11,10 @@ test: .venv/test
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/python -m pytest
+
+bench: .venv/bench
+	$(BIN)/gcs bench accuracy
+	$(BIN)/gcs bench speed
 
 format: .venv/test
 	$(BIN)/ruff check --fix .
@@ -24,6 +28,10 @@ format: .venv/test
 
 .venv/test: .venv/core
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[test]'
+	touch $@
+
+.venv/bench: .venv/test
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[bench]'
 	touch $@
 
 clean:

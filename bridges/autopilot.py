@@ -20,14 +20,22 @@ IMU_RANGE = (0.7 * GRAVITY, 1.3 * GRAVITY)  # their median; PX4 may send raw cou
 ATTITUDE_AGE_NS = 100_000_000  # turned further than this, the body rates no longer say where it points
 FIX_3D = 3  # GPS_FIX_TYPE_3D_FIX
 NULL_ISLAND_E7 = 100_000  # 0.01°: an estimator without origin reports positions around 0, 0
+SAME_HEIGHT_MM = 1_000  # above home and above the sea: home is at sea level, or not set yet
+WRONG_HEIGHT_MM = 100_000  # barometer and receiver do not differ by so much
 GEOID_LIMIT_M = 120.0  # the geoid lies −107 … +86 m from the ellipsoid
 UNIX_US = 10**15  # a time_usec above this is UTC, below it is time since boot (MAVLink's own rule)
 NO_AUTOPILOT = 8  # MAV_AUTOPILOT_INVALID: ground stations, gimbals, companions
 
 
-def has_position(lat, lon):
-    """Is GLOBAL_POSITION_INT's ``lat``, ``lon`` (degE7) a position at all?"""
-    return (abs(lat) > NULL_ISLAND_E7) | (abs(lon) > NULL_ISLAND_E7)
+def has_position(lat, lon, alt, relative_alt, gps_alt):
+    """Is GLOBAL_POSITION_INT (degE7, mm) a position at all? ``gps_alt`` mm is the receiver's, NaN if unknown.
+
+    Just after the first fix an estimator may have a place and no height yet: it then reports the same height
+    above home and above sea level, and the receiver another.
+    """
+    somewhere = (abs(lat) > NULL_ISLAND_E7) | (abs(lon) > NULL_ISLAND_E7)
+    no_datum = (abs(alt - relative_alt) < SAME_HEIGHT_MM) & (abs(alt - gps_alt) > WRONG_HEIGHT_MM)
+    return somewhere & ~no_datum
 
 
 def position_velocity(lat, lon, alt, vx, vy, vz):

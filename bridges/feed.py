@@ -28,7 +28,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from gcs.messages import POLAR, Bad, PolarMeasurement
+from gcs.messages import POLAR, Bad, InputError, PolarMeasurement
 
 LIMITS = {
     "range_m": (0.0, 1e7),  # farther than any flight test
@@ -42,7 +42,7 @@ ISO = re.compile(r"(\d{4}-?\d\d-?\d\d[T ]\d\d:?\d\d:?\d\d)(?:[.,](\d+))?(Z|[+-]\
 CLIP = 200  # characters of a damaged line that travel with its verdict
 
 
-class FeedError(ValueError):
+class FeedError(InputError):
     """The feed cannot be used; one line with file, line and remedy."""
 
 

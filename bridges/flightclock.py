@@ -22,7 +22,8 @@ WRAP_GUARD_MS = 600_000
 STAMP_TOLERANCE_US = 1_000_000  # links interleave; a stamp further outside its neighbours is damaged
 MAX_DELAY_NS = 10 * S  # nothing is received later than this, nor before it was sent
 BLOCK_NS = 10 * S  # the envelope is drawn through one low point per block
-MAX_DRIFT = 2e-4  # crystals stay within 200 ppm; a steeper line says the stamps are not receipt times
+LIVE_DRIFT = 1e-4  # live, the least delay may grow so fast: crystals drift, a link that stalls must not count
+MAX_DRIFT = 5e-3  # ceramic resonators stay within 0.5 %; a steeper line says the stamps are not receipt times
 
 
 class Boot(NamedTuple):
@@ -161,23 +162,28 @@ class LiveClock:
         self._restart(0)
 
     def _restart(self, boot_ms: int) -> None:
-        self.boots_ms = boot_ms
+        self._boot_ms = boot_ms
         self._turns = 0
         self._known: list[int] = [0, 0]  # SYSTEM_TIME offset: mean in ns, messages in it
-        self._least: int | None = None  # smallest receipt − boot time, ns
+        self._least: tuple[int, int] | None = None  # smallest receipt − boot time in ns, and its boot time
 
     def boot_ns(self, boot_ms: int, receipt_ns: int) -> tuple[int, bool]:
         """(boot time in ns with the wrap taken out, has the vehicle restarted) for a message received now."""
-        wrapped = self.boots_ms > WRAP_MS - WRAP_GUARD_MS and boot_ms < WRAP_GUARD_MS
-        restarted = not wrapped and boot_ms < self.boots_ms - RESTART_MS
+        wrapped = self._boot_ms > WRAP_MS - WRAP_GUARD_MS and boot_ms < WRAP_GUARD_MS
+        restarted = not wrapped and boot_ms < self._boot_ms - RESTART_MS
         if restarted:
             self._restart(boot_ms)
         self._turns += wrapped
-        self.boots_ms = boot_ms
+        self._boot_ms = boot_ms
         boot_ns = (boot_ms + self._turns * WRAP_MS) * MS
         delay = receipt_ns - boot_ns
-        self._least = delay if self._least is None else min(self._least, delay)
+        if self._least is None or delay < self._floor(boot_ns):
+            self._least = delay, boot_ns
         return boot_ns, restarted
+
+    def _floor(self, boot_ns: int) -> int:
+        least, since_ns = self._least or (0, boot_ns)
+        return least + int(LIVE_DRIFT * (boot_ns - since_ns))
 
     def system_time(self, unix_us: int, boot_ns: int) -> None:
         """Take in a SYSTEM_TIME: not set yet, it is passed over; set anew, it starts over."""
@@ -192,4 +198,4 @@ class LiveClock:
     def utc_ns(self, boot_ns: int) -> int:
         """UTC ns of a boot time in ns."""
         mean, count = self._known
-        return boot_ns + (mean if count else self._least or 0)
+        return boot_ns + (mean if count else self._floor(boot_ns))

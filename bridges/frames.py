@@ -85,7 +85,12 @@ def _layout(message: type) -> np.dtype:
 
 def scan(data: np.ndarray) -> np.ndarray:
     """(n,) FRAME of ``data`` ((bytes,) uint8), in file order: good ones and those stepped over whole."""
-    frames = _scan(data, dialect().crc_extra, _CRC_TABLE, np.empty(data.size // 48 + 16, FRAME))
+    room = count = data.size // 32
+    while count >= room:
+        room = count + 1
+        frames = np.empty(room, FRAME)
+        count = _scan(data, dialect().crc_extra, _CRC_TABLE, frames)
+    frames = frames[:count]
     _mark_duplicates(data, frames)
     return frames
 
@@ -193,6 +198,7 @@ def _rival(data, start, stop, must_be_followed, crc_extra, table):
 
 @njit(cache=True)
 def _scan(data, crc_extra, table, frames):
+    """Fill ``frames`` as far as it goes; returns how many there are."""
     count, previous_end = 0, 0
     at, in_step = STAMP, True
     while at < data.size:
@@ -203,11 +209,8 @@ def _scan(data, crc_extra, table, frames):
             take = kind != NONE and in_step and _followed(data, end)
             take = take and not _rival(data, previous_end, end, False, crc_extra, table)
         if take:
-            if count == frames.size:
-                longer = np.empty(2 * count, frames.dtype)
-                longer[:count] = frames
-                frames = longer
-            _describe(data, at, kind, at - STAMP >= previous_end, frames, count)
+            if count < frames.size:
+                _describe(data, at, kind, at - STAMP >= previous_end, frames, count)
             count += 1
             previous_end = end
             at, in_step = end + STAMP, True
@@ -215,7 +218,7 @@ def _scan(data, crc_extra, table, frames):
             at, in_step = previous_end, False  # a lost stamp lets the next frame start before its place
         else:
             at += 1
-    return frames[:count].copy()
+    return count
 
 
 @njit(cache=True)

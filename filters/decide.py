@@ -10,56 +10,131 @@ from filters.unscented import difference
 from filters.window import ahead, back, update
 
 REPEAT = 4  # passes over the window at most; one is enough while nothing changes
+OUTBREAK = outlier.HARD**2
+CONTINUED = 2.5
 SETTLED = 0.05  # a change of weight that is no change
 
 
 @njit(cache=True)
-def admit(model, rows, begin, end, x, P, t_ns, run, soft, hard, out, work):
+def admit(model, rows, begin, end, x, P, t_ns, jerk, variance, run, soft, hard, patient, out, work):
     """Filter one epoch's rows, each on first sight, in place; fills their weight, predicted and sigma.
 
     Where one looks wrong, those that agree best with the prediction go first and sharpen it for the rest:
-    the sensors vote at the same instant. ``run`` (s, 13) counts each channel's consecutive outliers.
+    the sensors vote at the same instant. ``jerk`` and
+    ``variance`` (s, 13) are those of motion and noise now, ``run`` each channel's `outlier.label` state; a
+    ``patient`` filter, one that decides again later, is stricter within a run.
     """
-    predict(x, P, (rows.t[begin] - t_ns) * 1e-9, model.jerk_psd, model.rate, model.prior)
+    predict(x, P, (rows.t[begin] - t_ns) * 1e-9, jerk, model.rate, model.prior)
     index, gain, m = out.index[0], out.gain[0], out.m[0]
     doubt = np.zeros(end - begin)
     for i in range(begin, end):
         s, c = rows.sensor[i], rows.channel[i]
-        seen, variance, _ = predict_row(model, s, c, x, P, index, gain, m, work)
-        doubt[i - begin] = abs(difference(c, rows.value[i], seen)) / np.sqrt(variance + model.variance[s, c])
+        rows.noise[i], rows.jerk[i] = variance[s, c], jerk
+        seen, spread, _ = predict_row(model, s, c, x, P, index, gain, m, work)
+        doubt[i - begin] = abs(difference(c, rows.value[i], seen)) / np.sqrt(spread + rows.noise[i])
     order = np.argsort(doubt) if doubt.max() > soft else np.arange(end - begin)
     for k in order:
         i = begin + k
         s, c = rows.sensor[i], rows.channel[i]
-        seen, variance, _ = predict_row(model, s, c, x, P, index, gain, m, work)
-        noise = model.variance[s, c]
-        v, sigma = difference(c, rows.value[i], seen), np.sqrt(variance + noise)
-        limit = min(hard, outlier.AFTER) if run[s, c] > 0 else hard
+        seen, spread, _ = predict_row(model, s, c, x, P, index, gain, m, work)
+        noise = rows.noise[i]
+        v, sigma = difference(c, rows.value[i], seen), np.sqrt(spread + noise)
+        after = patient and run[s, c, 0] > 0.0
+        limit = min(hard, outlier.AFTER) if after else hard
         w = outlier.weight(v / sigma, min(soft, limit), limit)
-        rows.weight[i], rows.predicted[i], rows.sigma[i] = w, rows.value[i] - v, sigma
+        if after and run[s, c, 0] > 1.0 and outlier.same_run(run[s, c, 1], v, np.sqrt(noise)):
+            w = 0.0
+        rows.weight[i], rows.off[i], rows.predicted[i], rows.sigma[i] = w, v, rows.value[i] - v, sigma
         rows.nis[i] = (v / sigma) ** 2
-        run[s, c] = run[s, c] + 1 if w == 0.0 else 0
         if w > 0.0:
-            update(x, P, m, v, variance + noise / w)
+            update(x, P, m, v, spread + noise / w)
 
 
 @njit(cache=True)
-def redecide(model, rows, begin, end, x0, P0, t0_ns, soft, hard, x, P, out, work, r, N):
-    """Weigh rows ``begin`` to ``end`` again, each by what all the others say; head state into ``x``, ``P``."""
+def settle(model, rows, begin, end, x0, P0, t0_ns, soft, hard, x, P, out, work, r, N, recent):
+    """Weigh rows ``begin`` to ``end`` again, each by what all the others say, from their weights as they are.
+
+    ``x0, P0`` at ``t0_ns`` is the anchor; the head state goes to ``x``, ``P``. Returns the `cost`.
+    """
+    total = 0.0
     for _ in range(REPEAT):
         x[:], P[:] = x0, P0
         ahead(
-            model, rows.t, rows.sensor, rows.channel, rows.value, rows.weight, begin, end, x, P, t0_ns, out, work
+            model, rows.t, rows.sensor, rows.channel, rows.value, rows.noise, rows.jerk, rows.weight, begin, end, x, P, t0_ns, out, work
         )  # fmt: skip
         r[:], N[:] = 0.0, 0.0
-        back(model, rows.t, rows.sensor, rows.channel, rows.weight, begin, end, out, r, N, work)
-        change = 0.0
-        for i in range(begin, end):
-            k = i - begin
-            w = outlier.weight(out.off[k] / out.sigma[k], soft, hard)
-            change = max(change, abs(w - rows.weight[i]))
-            rows.weight[i] = w
-            rows.predicted[i], rows.sigma[i] = rows.value[i] - out.off[k], out.sigma[k]
-            rows.nis[i] = out.v[k] ** 2 / out.S[k]
-        if change < SETTLED:
+        back(model, rows.t, rows.noise, rows.weight, begin, end, out, r, N, work)
+        total = cost(rows, begin, end, out, recent)
+        if reweigh(rows, begin, end, soft, hard, out, recent) < SETTLED:
             break
+    return total
+
+
+@njit(cache=True)
+def price(model, rows, begin, end, x0, P0, t0_ns, x, P, out, work, recent):
+    """`cost` of the window with its weights, noise and jerk as they are; nothing is judged."""
+    x[:], P[:] = x0, P0
+    ahead(
+        model, rows.t, rows.sensor, rows.channel, rows.value, rows.noise, rows.jerk, rows.weight, begin, end, x, P, t0_ns, out, work
+    )  # fmt: skip
+    return cost(rows, begin, end, out, recent)
+
+
+@njit(cache=True)
+def cost(rows, begin, end, out, recent):
+    """−2 log likelihood of the window under its verdicts, up to a constant: the lower, the better the story.
+
+    Used rows: innovations form, v²/S + ln(S/R). Refused ones: OUTBREAK to begin a run, CONTINUED for each
+    further row, which is what a good row costs on average.
+    """
+    total = 0.0
+    before = recent[:, :, 0]
+    before[:] = 0.0
+    for i in range(begin, end):
+        s, c, k = rows.sensor[i], rows.channel[i], i - begin
+        out_of_use = rows.weight[i] == 0.0
+        if out_of_use:
+            total += CONTINUED if before[s, c] > 0.0 else OUTBREAK
+        else:
+            noise = rows.noise[i]
+            S = out.S[k] + noise / rows.weight[i] - noise
+            total += out.v[k] ** 2 / S + np.log(S / noise)
+        before[s, c] = out_of_use
+    return total
+
+
+@njit(cache=True)
+def reweigh(rows, begin, end, soft, hard, out, recent):
+    """New weights from the residuals against all other rows; returns the largest change.
+
+    A row next to an outlier of its channel is under suspicion: AFTER sigmas instead of ``hard``, the sigma that
+    counts is bounded, because it has grown only for want of the neighbours, and there has to be a jump from
+    the outlier to it; or else it is the same run's next row that happens to fit.
+    ``recent`` (s, 13, 2) is scratch: how many rows before were refused in each channel, and the last residual.
+    """
+    for k in range(end - begin):
+        out.next[k], out.alike[k] = False, False
+    for direction in (1, -1):
+        recent[:] = 0.0
+        for j in range(begin, end):
+            i = j if direction == 1 else begin + end - 1 - j
+            s, c, k = rows.sensor[i], rows.channel[i], i - begin
+            if recent[s, c, 0] > 0.0:
+                out.next[k] = True
+            if recent[s, c, 0] > 1.0:
+                out.alike[k] |= outlier.same_run(recent[s, c, 1], out.off[k], np.sqrt(rows.noise[i]))
+            recent[s, c, 0] = recent[s, c, 0] + 1.0 if rows.weight[i] == 0.0 else 0.0
+            recent[s, c, 1] = out.off[k]
+    change = 0.0
+    for i in range(begin, end):
+        k = i - begin
+        limit, sigma = hard, out.sigma[k]
+        if out.next[k]:
+            limit = min(hard, outlier.AFTER)
+            sigma = min(sigma, outlier.BOUND * np.sqrt(rows.noise[i]))
+        w = 0.0 if out.alike[k] else outlier.weight(out.off[k] / sigma, min(soft, limit), limit)
+        change = max(change, abs(w - rows.weight[i]))
+        rows.weight[i] = w
+        rows.off[i], rows.predicted[i], rows.sigma[i] = out.off[k], rows.value[i] - out.off[k], out.sigma[k]
+        rows.nis[i] = out.v[k] ** 2 / out.S[k]
+    return change

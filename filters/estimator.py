@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from filters import decide, ins, motion, outlier, start
+from filters import decide, ins, motion, noise, outlier, rivals, start
 from filters import model as models
 from filters import report as reports
 from filters import window as windows
@@ -42,7 +42,7 @@ class Settings(NamedTuple):
     hard: float = outlier.HARD  # sigmas; inf takes every value
     horizon_s: float = 1.0  # what later rows may still change; 0: decided at first sight
     lateness_s: float = 1.0  # a row may come so much later than the newest one
-    cell_s: float = 0.1  # data time between two re-decisions
+    cell_s: float = 0.2  # data time between two re-decisions
 
 
 class Rows(NamedTuple):
@@ -53,7 +53,10 @@ class Rows(NamedTuple):
     sensor: np.ndarray
     channel: np.ndarray
     value: np.ndarray
+    noise: np.ndarray  # variance
+    jerk: np.ndarray  # density of the white jerk on the way to the row, m²/s⁵
     weight: np.ndarray
+    off: np.ndarray  # value − predicted, the short way round
     predicted: np.ndarray
     sigma: np.ndarray
     nis: np.ndarray  # squared standardised innovation
@@ -63,21 +66,31 @@ class Rows(NamedTuple):
     said: np.ndarray  # weight as published
 
 
-JUDGED = ("weight", "predicted", "sigma", "nis", "verdict", "reason")  # columns that a rewind restores
+JUDGED = (
+    "noise",
+    "jerk",
+    "weight",
+    "off",
+    "predicted",
+    "sigma",
+    "nis",
+    "verdict",
+    "reason",
+)  # columns that a rewind restores
 
 
 def _room(n: int) -> Rows:
-    types = ["i8", "i8", "i2", "i1", "f8", "f8", "f8", "f8", "f8", "i1", "i1", "i1", "f8"]
+    types = ["i8", "i8", "i2", "i1", "f8", "f8", "f8", "f8", "f8", "f8", "f8", "f8", "i1", "i1", "i1", "f8"]
     return Rows(*(np.zeros(n, t) for t in types))
 
 
 class Moment(NamedTuple):
-    """A state with its time, and each channel's count of consecutive outliers up to then."""
+    """A state with its time, and each channel's run of outliers up to then."""
 
     t_ns: int
     x: np.ndarray  # (n,)
     P: np.ndarray  # (n, n)
-    run: np.ndarray  # (s, 13)
+    run: np.ndarray  # (s, 13, 2), see outlier.label
 
     def copy(self) -> "Moment":
         return Moment(self.t_ns, self.x.copy(), self.P.copy(), self.run.copy())
@@ -93,6 +106,8 @@ class Snapshot(NamedTuple):
     head: Moment | None  # after all rows
     judged: tuple[np.ndarray, ...]  # JUDGED of the rows between
     tally: np.ndarray  # (s, 13, 3) of decided rows: used, sum of NIS, refused
+    scale: np.ndarray  # (2, s, 13) each channel's last decided residual, and its noise in stated sigmas
+    jerk: float  # density of the white jerk now
     resets: int
     left: np.ndarray  # (k,) TRACK smoothed, epochs decided when the cell before ended
 
@@ -100,6 +115,7 @@ class Snapshot(NamedTuple):
 LONG_AGO_NS = np.iinfo(np.int64).min // 2
 MARK_NS = 1_000_000_000
 HALF_QUALITY_M = 10.0  # position 1-sigma at which quality is 50
+DEEP = 3  # every so many re-decisions hear the costly rivals too
 START_NS = 1_000_000_000  # rows so far apart may still make a fix together
 METHODS = {
     "default": {},
@@ -129,11 +145,16 @@ class Estimator:
             round(1e9 * s) for s in (settings.cell_s, settings.horizon_s, settings.lateness_s)
         )
         self._rows, self._size, self._done, self._final = _room(4096), 0, 0, 0
-        self._out, self._work = windows.trace(1024, n, 256), windows.scratch(n)
+        self._out, self._spare = windows.trace(1024, n, 256), windows.trace(1024, n, 256)
+        self._work = windows.scratch(n)
         self._r, self._N = np.zeros(n), np.zeros((n, n))
+        self._recent = np.zeros((len(sensors), len(CHANNELS), 2))
         self._newest_ns, self._told, self._marks, self._reset_log = LONG_AGO_NS, 0, [], []
         tally = np.zeros((len(sensors), len(CHANNELS), 3))
-        blank = Snapshot(LONG_AGO_NS, 0, 0, None, None, (), tally, 0, np.zeros(0, TRACK))
+        scale = np.stack([np.zeros((len(sensors), len(CHANNELS))), np.ones((len(sensors), len(CHANNELS)))])
+        blank = Snapshot(
+            LONG_AGO_NS, 0, 0, None, None, (), tally, scale, settings.jerk_psd, 0, np.zeros(0, TRACK)
+        )
         self._snapshots, self._smoothed = [blank], []
         self._rewind(blank)
 
@@ -234,7 +255,8 @@ class Estimator:
         self._head = to.head and to.head.copy()
         for name, column in zip(JUDGED, to.judged, strict=False):
             getattr(self._rows, name)[to.decided : to.size] = column
-        self._tally, self._resets = to.tally.copy(), to.resets
+        self._tally, self._scale = to.tally.copy(), to.scale.copy()
+        self._jerk, self._resets = to.jerk, to.resets
 
     # ---- one epoch, one cell
 
@@ -257,13 +279,18 @@ class Estimator:
             head.x,
             head.P,
             head.t_ns,
+            self._jerk,
+            noise.effective(self.model.variance, self._scale[1]),
             head.run,
             s.soft,
             s.hard,
+            s.horizon_s > 0,
             self._out,
             self._work,
         )
-        outlier.label(rows.sensor, rows.channel, rows.weight, rows.verdict, rows.reason, begin, end, head.run)
+        outlier.label(
+            rows.sensor, rows.channel, rows.weight, rows.off, rows.verdict, rows.reason, begin, end, head.run
+        )
         self._head = head._replace(t_ns=int(t_ns))
         self._done = end
         return True
@@ -280,9 +307,7 @@ class Estimator:
         self._done = first if fixes else end
         if fixes:
             x, P = start.state(self.model, *fixes[0])
-            self._anchor = Moment(
-                int(rows.t[first]), x, P, np.zeros((len(self.sensors), len(CHANNELS)), np.int64)
-            )
+            self._anchor = Moment(int(rows.t[first]), x, P, np.zeros((len(self.sensors), len(CHANNELS), 2)))
             self._head = self._anchor.copy()
             self._marks = [(first, self._anchor.copy())]
             self._boundary_ns = rows.t[first] // self._cell_ns * self._cell_ns
@@ -306,6 +331,8 @@ class Estimator:
                 self._head.copy(),
                 judged,
                 self._tally.copy(),
+                self._scale.copy(),
+                self._jerk,
                 self._resets,
                 left,
             )  # fmt: skip
@@ -322,18 +349,84 @@ class Estimator:
             self._marks.append((snapshot.decided, snapshot.anchor))
 
     def _redecide(self, begin: int, end: int) -> None:
-        """Weigh all rows of the window again; the head follows."""
-        n, s = len(self.model.prior), self.settings
-        if end - begin > len(self._out.v):
-            self._out = windows.trace(2 * (end - begin), n, 256)
-        head, anchor = self._head, self._anchor
-        decide.redecide(
-            self.model, self._rows, begin, end, anchor.x, anchor.P, anchor.t_ns, s.soft, s.hard,
-            head.x, head.P, self._out, self._work, self._r, self._N,
-        )  # fmt: skip
-        head.run[:] = anchor.run
+        """Weigh all rows of the window again, hear the rivals, take the best story; the head follows."""
         rows = self._rows
-        outlier.label(rows.sensor, rows.channel, rows.weight, rows.verdict, rows.reason, begin, end, head.run)
+        if end - begin > len(self._out.v):
+            self._out, self._spare = (
+                windows.trace(2 * (end - begin), len(self._head.x), 256) for _ in range(2)
+            )
+        for s in np.flatnonzero(self.model.is_ins):
+            noise.shake(rows, begin, end, s, self.model.variance, self._scale[1])
+        cost = self._settle(begin, end, self._anchor, self._head, self._out)
+        cost = self._follow_jerk(begin, end, cost)
+        deep = self._boundary_ns // self._cell_ns % DEEP == 0
+        for weights, margin in rivals.weights(rows, begin, end, self._out, len(self.sensors), deep):
+            cost = self._hear(begin, end, weights, self._anchor, cost, margin)
+        if deep and rivals.disagreement(rows, begin, end):
+            self._start_again(begin, end, cost)
+        self._head.run[:] = self._anchor.run
+        outlier.label(
+            rows.sensor,
+            rows.channel,
+            rows.weight,
+            rows.off,
+            rows.verdict,
+            rows.reason,
+            begin,
+            end,
+            self._head.run,
+        )
+
+    def _follow_jerk(self, begin: int, end: int, cost: float) -> float:
+        """More jerk or less, where the window is likelier with it; all its rows are judged again then."""
+        jerk, anchor, head = self._rows.jerk, self._anchor, self._head.copy()
+        for factor in (motion.STEP, 1.0 / motion.STEP):
+            other = self._jerk * factor
+            if not motion.CALMEST <= other <= motion.WILDEST:
+                continue
+            jerk[begin:end] = other
+            price = decide.price(
+                self.model, self._rows, begin, end, anchor.x, anchor.P, anchor.t_ns, head.x, head.P,
+                self._spare, self._work, self._recent,
+            )  # fmt: skip
+            if price < cost - motion.SURER:
+                self._jerk = other
+                return self._settle(begin, end, anchor, self._head, self._out)
+        jerk[begin:end] = self._jerk
+        return cost
+
+    def _settle(self, begin: int, end: int, anchor: Moment, head: Moment, out: windows.Trace) -> float:
+        s = self.settings
+        return decide.settle(
+            self.model, self._rows, begin, end, anchor.x, anchor.P, anchor.t_ns, s.soft, s.hard,
+            head.x, head.P, out, self._work, self._r, self._N, self._recent,
+        )  # fmt: skip
+
+    def _hear(self, begin: int, end: int, weights: np.ndarray, anchor: Moment, cost: float, margin) -> float:
+        """Settle from other ``weights`` (end − begin,); the story stays if its cost is lower by ``margin``. Returns the lower."""
+        judged = [(column, column[begin:end].copy()) for column in self._judged()]
+        head = self._head.copy()
+        self._rows.weight[begin:end] = weights
+        other = self._settle(begin, end, anchor, head, self._spare)
+        if other < cost - margin:
+            self._out, self._spare = self._spare, self._out
+            self._anchor, self._head = anchor, head
+            return other
+        for column, was in judged:
+            column[begin:end] = was
+        return cost
+
+    def _start_again(self, begin: int, end: int, cost: float) -> None:
+        """After total disagreement: try the window from its own best-supported fixes."""
+        rows, before = self._rows, self._anchor
+        for x, P in start.candidates(self.model, rows, begin, end, before.x, before.P):
+            anchor = Moment(int(rows.t[begin]), x, P, np.zeros_like(before.run))
+            cost = self._hear(begin, end, np.ones(end - begin), anchor, cost, rivals.DEEP_MARGIN)
+        if self._anchor is not before and before.t_ns > self._marks[0][1].t_ns:
+            self._resets += 1
+
+    def _judged(self) -> list[np.ndarray]:
+        return [getattr(self._rows, name) for name in JUDGED]
 
     def _leave(self, begin: int, cut: int) -> np.ndarray:
         """Decide rows ``begin`` to ``cut`` for good: the anchor passes them; returns their smoothed track."""
@@ -344,15 +437,25 @@ class Estimator:
         np.add.at(self._tally[..., 0], where, used)
         np.add.at(self._tally[..., 1], where, np.where(used, rows.nis[begin:cut], 0.0))
         np.add.at(self._tally[..., 2], where, ~used)
+        noise.follow(
+            self.model.is_ins,
+            rows.sensor,
+            rows.channel,
+            rows.off,
+            self.model.variance,
+            begin,
+            cut,
+            *self._scale,
+        )
         if cut > begin:
             t_ns = windows.ahead(
-                self.model, rows.t, rows.sensor, rows.channel, rows.value, rows.weight, begin, cut,
+                self.model, rows.t, rows.sensor, rows.channel, rows.value, rows.noise, rows.jerk, rows.weight, begin, cut,
                 anchor.x, anchor.P, anchor.t_ns, self._out, self._work,
             )  # fmt: skip
             self._anchor = anchor._replace(t_ns=int(t_ns))
             part = (
                 c[begin:cut].copy()
-                for c in (rows.sensor, rows.channel, rows.weight, rows.verdict, rows.reason)
+                for c in (rows.sensor, rows.channel, rows.weight, rows.off, rows.verdict, rows.reason)
             )
             outlier.label(*part, 0, cut - begin, anchor.run)
         return left
@@ -371,6 +474,9 @@ class Estimator:
     def _tracks(self, t_ns, x, P) -> np.ndarray:
         track = np.zeros(len(t_ns), TRACK)
         track["t_ns"], track["x"], track["P"] = t_ns, x[:, :CORE], P[:, :CORE, :CORE]
+        shift = models.common_shift(self.model, self._head.x)
+        track["x"][:, :3] -= shift * x[:, 3:6] - 0.5 * shift**2 * x[:, 6:9]
+        track["x"][:, 3:6] -= shift * x[:, 6:9]
         sigma_m = np.sqrt(np.trace(P[:, :3, :3], axis1=1, axis2=2))
         track["quality"] = np.round(100.0 / (1.0 + sigma_m / HALF_QUALITY_M))
         track["reset_counter"] = self._resets
@@ -411,11 +517,9 @@ class Estimator:
                 continue
             out = windows.trace(end - begin, n, end - begin)
             x, P = mark.x.copy(), mark.P.copy()
-            columns = (rows.t, rows.sensor, rows.channel, rows.value, rows.weight)
+            columns = (rows.t, rows.sensor, rows.channel, rows.value, rows.noise, rows.jerk, rows.weight)
             windows.ahead(model, *columns, begin, end, x, P, mark.t_ns, out, self._work)
-            windows.back(
-                model, rows.t, rows.sensor, rows.channel, rows.weight, begin, end, out, r, N, self._work
-            )
+            windows.back(model, rows.t, rows.noise, rows.weight, begin, end, out, r, N, self._work)
             motion.pull_back(r, N, (rows.t[begin] - mark.t_ns) * 1e-9, model.rate)
             first = np.flatnonzero(np.diff(rows.t[begin:end], prepend=LONG_AGO_NS))
             parts.append(self._tracks(rows.t[begin + first], out.x[first], out.P[first]))

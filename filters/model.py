@@ -33,7 +33,10 @@ class Model(NamedTuple):
 def build(
     sensors: Sequence[Sensor], jerk_psd: float, ins_bias_sigma_m: float, ins_bias_tau_s: float
 ) -> Model:
-    """The state is p, v, a, then per sensor its zero errors and its clock, in the sensors' order."""
+    """The state is p, v, a, then per sensor its zero errors and its clock, in the sensors' order.
+
+    Instruments have those they are asked to estimate, an INS has always its position error and its latency.
+    """
     bias_at = np.full((len(sensors), len(CHANNELS)), -1)
     clock_at = np.full(len(sensors), -1)
     rate, prior = [0.0] * motion.CORE, [0.0] * motion.CORE
@@ -53,7 +56,7 @@ def build(
                 bias_at[s, channel] = len(prior)
                 prior.append(sigma**2)
                 rate.append(1.0 / ins_bias_tau_s if inertial else 0.0)
-        if "clock" in sensor.estimate:
+        if inertial or "clock" in sensor.estimate:
             clock_at[s] = len(prior)
             prior.append((ins.LATENCY_SIGMA_S if inertial else theodolite.CLOCK_SIGMA_S) ** 2)
             rate.append(0.0)
@@ -71,6 +74,38 @@ def build(
         prior=np.array(prior),
         jerk_psd=float(jerk_psd),
     )
+
+
+def floating(model: Model) -> bool:
+    """Whether every sensor's clock is to be estimated, so that none says what the time is."""
+    return bool(np.all(model.clock_at >= 0))
+
+
+def prior_covariance(model: Model) -> np.ndarray:
+    """(n, n) of the systematic errors before the first row, zero in the core.
+
+    A shift common to all clocks changes no residual. Where they all float, its share is taken out, so that
+    linearisation errors cannot make the filter believe that it had seen one (as in Huang, Mourikis &
+    Roumeliotis 2010, *Observability-based rules for consistent EKF SLAM*).
+    """
+    P = np.diag(model.prior)
+    if floating(model):
+        P[np.ix_(model.clock_at, model.clock_at)] -= common_variance(model)
+    return P
+
+
+def common_variance(model: Model) -> float:
+    """Variance, s², of the shift common to all clocks, by their priors; 0 where a clock is known."""
+    return 1.0 / np.sum(1.0 / model.prior[model.clock_at]) if floating(model) else 0.0
+
+
+def common_shift(model: Model, x: np.ndarray) -> float:
+    """What to take off all clocks of state ``x`` (n,), s: the weighted median, so that most of them are right."""
+    if not floating(model):
+        return 0.0
+    order = np.argsort(x[model.clock_at])
+    weight = np.cumsum(1.0 / model.prior[model.clock_at][order])
+    return float(x[model.clock_at][order][np.searchsorted(weight, weight[-1] / 2)])
 
 
 @njit(cache=True, fastmath=True)

@@ -10,12 +10,13 @@ import numpy as np
 from numba import njit
 
 CORE = 9
-JERK_PSD = (
-    10.0  # m²/s⁵ per axis: jerk of 3 m/s³ held for about a second is ordinary, 15 m/s³ is within 3 sigma
-)
+JERK_PSD = 10.0  # m²/s⁵ per axis, to begin with: 3 m/s³ held for about a second is ordinary
+CALMEST, WILDEST = 0.05, 2000.0  # m²/s⁵: hovering in still air; a light aircraft in gusts
+STEP = 3.0  # from one density to the next
+SURER = 3.0  # by which the window's cost, −2 log likelihood, has to fall for such a step
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True)  # without fastmath: its reordering would cost P its exact symmetry
 def predict(x, P, dt, jerk_psd, rate, variance):
     """Move ``x`` (n,) and ``P`` (n, n) ahead by ``dt`` seconds, in place.
 
@@ -48,7 +49,7 @@ def predict(x, P, dt, jerk_psd, rate, variance):
     _add_noise(P, dt, jerk_psd)
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True)
 def _add_noise(P, dt, jerk_psd):
     """White jerk over ``dt``: Bar-Shalom et al., eq. 6.2.3-9, per axis."""
     d2 = dt * dt

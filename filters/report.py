@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from filters.model import common_shift, common_variance
 from filters.rows import CHANNELS
 
 SEEN = 0.5  # a systematic error is observable when the flight has at least halved its prior sigma
@@ -37,9 +38,13 @@ def _errors(model, s, x, P) -> dict:
     out = {}
     for name, (i, unit) in where.items():
         if i < len(x):
-            sigma, prior = float(np.sqrt(P[i, i])), float(np.sqrt(model.prior[i]))
+            value, variance, prior = float(x[i]), P[i, i], float(np.sqrt(model.prior[i]))
+            if i == model.clock_at[s]:
+                value -= common_shift(model, x)
+                variance += common_variance(model)
+            sigma = float(np.sqrt(variance))
             out[name] = {
-                "value": float(x[i]), "sigma": sigma, "prior_sigma": prior, "unit": unit,
+                "value": value, "sigma": sigma, "prior_sigma": prior, "unit": unit,
                 "observable": sigma < SEEN * prior,
             }  # fmt: skip
     return out

@@ -7,9 +7,13 @@ filtered like all others, so that nothing is lost and nothing counts twice by mo
 
 import numpy as np
 
+from filters.model import prior_covariance
+from filters.motion import CORE
 from filters.rows import AZIMUTH, ELEVATION, RANGE, E, N, U
 
 WIDER = 10.0
+SLICES = 5  # of the window, each giving its own fixes
+TRIED = 4  # fixes tried
 SPEED_SIGMA_MPS = 30.0  # per axis: any UAV
 ACCELERATION_SIGMA_MPS2 = 10.0
 
@@ -72,10 +76,39 @@ def _crossing(model, a, ray_a, b, ray_b):
     return [(middle, float(np.sqrt(variance / sine2)))]
 
 
+def candidates(model, rows, begin, end, x, P) -> list[tuple[np.ndarray, np.ndarray]]:
+    """States at the time of row ``begin`` around those fixes of the rows that most others support.
+
+    The systematic errors keep what ``x, P`` know of them.
+    """
+    t_s = (rows.t[begin:end] - rows.t[begin]) * 1e-9
+    found = []
+    for now in np.linspace(0.0, t_s[-1], SLICES):
+        part = begin + np.flatnonzero(np.abs(t_s - now) <= t_s[-1] / SLICES)
+        found += [
+            (now, *fix) for fix in fixes(model, rows.sensor[part], rows.channel[part], rows.value[part])
+        ]
+    if not found:
+        return []
+    when = np.array([now for now, _, _ in found])
+    where = np.array([position for _, position, _ in found])
+    sigma = np.array([s for _, _, s in found])
+    apart = np.linalg.norm(where[:, None] - where, axis=2)
+    reach = 3 * (sigma[:, None] + sigma) + SPEED_SIGMA_MPS * np.abs(when[:, None] - when)
+    support = (apart <= reach).sum(axis=1)
+    states = []
+    for k in np.lexsort((sigma, -support))[:TRIED]:
+        fresh_x, fresh_P = state(model, where[k], sigma[k] + SPEED_SIGMA_MPS * when[k] / WIDER)
+        fresh_x[CORE:] = x[CORE:]
+        fresh_P[CORE:, CORE:] = P[CORE:, CORE:]
+        states.append((fresh_x, fresh_P))
+    return states
+
+
 def state(model, position, sigma) -> tuple[np.ndarray, np.ndarray]:
     """State (n,) and covariance (n, n) around a fix: at rest, with an open mind about speed."""
     n = len(model.prior)
-    x, P = np.zeros(n), np.diag(model.prior)
+    x, P = np.zeros(n), prior_covariance(model)
     x[:3] = position
     P[range(3), range(3)] = (WIDER * sigma) ** 2
     P[range(3, 6), range(3, 6)] = SPEED_SIGMA_MPS**2

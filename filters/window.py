@@ -28,6 +28,8 @@ class Trace(NamedTuple):
     S: np.ndarray  # (k,) its variance at full weight
     off: np.ndarray  # (k,) value minus what all other rows predict
     sigma: np.ndarray  # (k,) 1-sigma of that
+    next: np.ndarray  # (k,) bool, stands next to an outlier of its channel
+    alike: np.ndarray  # (k,) bool, and may well belong to the same run
     x: np.ndarray  # (k, n) at the first row of each epoch: state before it, after the pass back smoothed
     P: np.ndarray  # (k, n, n) the same for the covariance; fewer entries keep fewer epochs
 
@@ -37,7 +39,7 @@ def trace(rows: int, n: int, keep: int) -> Trace:
     f = np.zeros
     return Trace(
         f((rows, SLOTS), np.int64), f((rows, SLOTS)), f(rows, np.int64), f((rows, n)), f(rows), f(rows), f(rows),
-        f(rows), f((keep, n)), f((keep, n, n)),
+        f(rows), f(rows, np.bool_), f(rows, np.bool_), f((keep, n)), f((keep, n, n)),
     )  # fmt: skip
 
 
@@ -46,7 +48,7 @@ def scratch(n: int) -> np.ndarray:
     return np.zeros((16, n))
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True)  # without fastmath: its reordering would cost P its exact symmetry
 def update(x, P, m, v, S):
     """Condition ``x`` and ``P`` on one innovation, in place: ``m`` = P h, ``S`` its variance with noise."""
     n = x.size
@@ -59,13 +61,16 @@ def update(x, P, m, v, S):
 
 
 @njit(cache=True, fastmath=True)
-def ahead(model, t, sensor, channel, value, weight, begin, end, x, P, t_ns, out, work):
-    """Filter rows ``begin`` to ``end``, in place from ``x``, ``P`` at ``t_ns``; returns the time reached."""
+def ahead(model, t, sensor, channel, value, noise, jerk, weight, begin, end, x, P, t_ns, out, work):
+    """Filter rows ``begin`` to ``end``, in place from ``x``, ``P`` at ``t_ns``; returns the time reached.
+
+    ``noise`` is each row's variance, to be divided by its ``weight``; ``jerk`` the density on the way to it.
+    """
     n = x.size
     for i in range(begin, end):
         k = i - begin
         if t[i] != t_ns or k == 0:
-            predict(x, P, (t[i] - t_ns) * 1e-9, model.jerk_psd, model.rate, model.prior)
+            predict(x, P, (t[i] - t_ns) * 1e-9, jerk[i], model.rate, model.prior)
             t_ns = t[i]
             if k < out.x.shape[0]:
                 for a in range(n):
@@ -75,16 +80,15 @@ def ahead(model, t, sensor, channel, value, weight, begin, end, x, P, t_ns, out,
         s, c = sensor[i], channel[i]
         m = out.m[k]
         seen, variance, out.count[k] = predict_row(model, s, c, x, P, out.index[k], out.gain[k], m, work)
-        noise = model.variance[s, c]
         out.v[k] = difference(c, value[i], seen)
-        out.S[k] = variance + noise
+        out.S[k] = variance + noise[i]
         if weight[i] > 0.0:
-            update(x, P, m, out.v[k], variance + noise / weight[i])
+            update(x, P, m, out.v[k], variance + noise[i] / weight[i])
     return t_ns
 
 
 @njit(cache=True, fastmath=True)
-def back(model, t, sensor, channel, weight, begin, end, out, r, N, work):
+def back(model, t, noise, weight, begin, end, out, r, N, work):
     """Hold every row against all others; ``r`` (n,), ``N`` (n, n) say what came after ``end``, in place.
 
     Fills ``out.off`` and ``out.sigma``, and smooths the states that ``out`` keeps. ``work`` as from `scratch`.
@@ -102,12 +106,12 @@ def back(model, t, sensor, channel, weight, begin, end, out, r, N, work):
             mr += m[a] * r[a]
             mNm += m[a] * s
         if weight[i] > 0.0:
-            noise = model.variance[sensor[i], channel[i]]
-            S += noise / weight[i] - noise
+            spare = noise[i] / weight[i] - noise[i]
+            S += spare
             e = (v - mr) / S
             D = 1.0 / S + mNm / (S * S)
             out.off[k] = e / D
-            out.sigma[k] = np.sqrt(1.0 / D - noise / weight[i] + noise)
+            out.sigma[k] = np.sqrt(1.0 / D - spare)
             _condense(out.index[k], out.gain[k], out.count[k], e, D, S, r, N, Nm)
         else:
             out.off[k] = v - mr

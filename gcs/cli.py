@@ -16,7 +16,9 @@ from gcs.messages import InputError
 
 app = App(name="gcs", version=__version__, help="Flight-test trajectory measurement: where was it really?")
 bridge = App(name="bridge", help="One bridge alone, on whichever machine the instrument hangs on.")
+bench = App(name="bench", help="Measure the estimator: how exact, how fast.")
 app.command(bridge)
+app.command(bench)
 
 StationFile = Annotated[
     Path | None, Parameter(help="station.toml; needed as soon as there are ground sensors")
@@ -33,7 +35,7 @@ Config = Annotated[
 def main() -> None:
     """Entry point."""
     try:
-        app(exit_on_error=False, print_error=False)
+        app(sys.argv[1:], exit_on_error=False, print_error=False)
     except CycloptsError as error:
         _refuse(" ".join(str(error).split()) + "; see gcs --help")
     except InputError as error:
@@ -61,6 +63,7 @@ def replay(
     from gcs import config as configuration
     from gcs import replay as driver
     from gcs.console import say
+    from gcs.health import Files
     from gcs.record import stamp
     from gcs.sinks import new_session, open_bus, open_view, targets
 
@@ -78,7 +81,7 @@ def replay(
         def session():
             if shown:
                 shown.clear()
-            return new_session(resolved, loaded.frame, folder, method, targets(bus, shown))
+            return new_session(resolved, loaded.frame, folder, method, targets(bus, shown), Files())
 
         _on_signal(playback.stop)
         summary = driver.run(loaded, session, playback, stay=view)
@@ -174,6 +177,29 @@ def radar(
 ) -> None:
     """One radar onto the bus as ``raw/NAME``."""
     _instrument("radar", name, station, udp, file, speed, config)
+
+
+@bench.command
+def accuracy(
+    *cases: str,
+    seeds: int = 50,
+    first_seed: int = 10_000,
+    seconds: float = 60.0,
+    method: Annotated[tuple[str, ...], Parameter(consume_multiple=True, negative="")] = ("default",),
+    out: Path | None = None,
+) -> None:
+    """Every case, or those named, over many seeds: error as a ratio to the filter that is told the outliers."""
+    from gcs.bench import accuracy as bench_accuracy
+
+    bench_accuracy.run(seeds, first_seed, seconds, cases, method, out=out)
+
+
+@bench.command(name="speed")
+def bench_speed(*, seconds: float = 3600.0, out: Path | None = None) -> None:
+    """One update beside other filters, one measurement live, a whole flight; ratios from one run."""
+    from gcs.bench import speed
+
+    speed.run(seconds, out=out)
 
 
 def _instrument(

@@ -113,7 +113,7 @@ class View(_Section):
 
 
 class Align(_Section):
-    hold_s: Annotated[float, Meta(ge=0.0, le=2.0)] = 0.15  # longest wait for a slower source, live only
+    hold_s: Annotated[float, Meta(ge=0.0, le=2.0)] = 0.3  # longest wait for a slower source, live only
 
 
 class Station(_Section):

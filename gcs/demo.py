@@ -6,7 +6,10 @@ import time
 from contextlib import ExitStack
 from pathlib import Path
 
+import numpy as np
+
 from bridges import feed, radar, theodolite, tlog
+from bridges.frames import STAMP
 from gcs import config, station
 from gcs.console import say
 from gcs.messages import InputError
@@ -58,12 +61,12 @@ def send(log: tlog.Tlog, link: str, stop: threading.Event) -> None:
     """Send a log's frames to ``link`` (udpin:HOST:PORT), paced by their receipt stamps."""
     _, host, port = link.split(":")
     due_s = (log.receipt_us - log.receipt_us[0]) / 1e6
+    begins = log.frames["offset"]
+    ends = np.append(begins[1:] - STAMP, log.data.size)  # the sample is undamaged: record follows record
     data = log.data.tobytes()
     started = time.monotonic()
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as radio:
-        for due, begin, end in zip(
-            due_s.tolist(), *(log.frames[f].tolist() for f in ("offset", "end")), strict=True
-        ):
+        for due, begin, end in zip(due_s.tolist(), begins.tolist(), ends.tolist(), strict=True):
             wait = due - (time.monotonic() - started)
             if wait > 0 and stop.wait(wait):
                 return

@@ -1,7 +1,8 @@
 """Health of the feeds: rates, ages and outlier shares over the last ten seconds of data, once a second."""
 
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -15,19 +16,47 @@ SILENT_S = 2.0  # no data for this long is worth an operator's attention
 OUTLIERS = [VERDICTS.index(name) for name in ("isolated", "patch", "invalid")]
 
 
+class Tally(NamedTuple):
+    """What came from one sensor between two updates."""
+
+    begin_ns: int
+    end_ns: int
+    measurements: int
+    rows: int
+    outliers: int
+
+
+class Feeds(Protocol):
+    """What only the source of the measurements knows."""
+
+    def latency_s(self, name: str) -> float: ...
+
+    def alive(self, name: str) -> bool: ...
+
+    def queue_age_s(self) -> float: ...
+
+
+class Files:
+    """The feeds of a replay: always there, never late."""
+
+    def latency_s(self, name: str) -> float:
+        return 0.0
+
+    def alive(self, name: str) -> bool:
+        return True
+
+    def queue_age_s(self) -> float:
+        return 0.0
+
+
 class Monitor:
     """Watches the verdicts go by. All times are the data's own."""
 
-    def __init__(
-        self,
-        sensors: list[str],
-        extras: Callable[[], dict] = dict,
-        latency_s: Callable[[str], float] = lambda _: 0.0,
-    ):
+    def __init__(self, sensors: list[str], feeds: Feeds):
         self.now_ns = 0
-        self._sensors, self._extras, self._latency_s = sensors, extras, latency_s
+        self._sensors, self._feeds = sensors, feeds
         self._newest = dict.fromkeys(sensors, 0)
-        self._recent = {name: deque() for name in sensors}  # (t_ns, measurements, rows, outliers)
+        self._recent: dict[str, deque[Tally]] = {name: deque() for name in sensors}
         self._totals = {name: [0, 0] for name in sensors}
         self._silent: set[str] = set()
         self._next_ns = 0
@@ -41,11 +70,8 @@ class Monitor:
             yield from self._events(update)
         if self.now_ns >= self._next_ns:
             self._next_ns = self.now_ns + PERIOD_NS
-            yield Health(
-                t_ns=self.now_ns,
-                sensors={name: self._health(name) for name in self._sensors},
-                **self._extras(),
-            )
+            sensors = {name: self._health(name) for name in self._sensors}
+            yield Health(t_ns=self.now_ns, sensors=sensors, queue_age_s=self._feeds.queue_age_s())
 
     def ages_s(self, t_ns: int) -> dict[str, float]:
         """Age of each sensor's newest measurement at ``t_ns``; silent sensors are left out."""
@@ -59,24 +85,26 @@ class Monitor:
             fresh = rows[rows["t_ns"] > self._newest[name]]  # a changed verdict is not counted twice
             if not len(fresh):
                 continue
-            self._newest[name] = newest
+            begin, self._newest[name] = self._newest[name] or newest, newest
             outliers = int(np.isin(fresh["verdict"], OUTLIERS).sum())
-            self._recent[name].append((newest, len(np.unique(fresh["measurement"])), len(fresh), outliers))
+            measurements = len(np.unique(fresh["measurement"]))
+            self._recent[name].append(Tally(begin, newest, measurements, len(fresh), outliers))
             self._totals[name][0] += len(fresh)
             self._totals[name][1] += outliers
 
     def _health(self, name: str) -> SensorHealth:
         recent = self._recent[name]
-        while recent and recent[0][0] < self.now_ns - SPAN_NS:
+        while recent and recent[0].end_ns < self.now_ns - SPAN_NS:
             recent.popleft()
-        _, measurements, rows, outliers = np.sum(recent, axis=0) if recent else (0, 0, 0, 0)
+        span_s = (self.now_ns - recent[0].begin_ns) / 1e9 if recent else 0.0
+        rows = sum(tally.rows for tally in recent)
         age_s = (self.now_ns - self._newest[name]) / 1e9 if self._newest[name] else None
         return SensorHealth(
-            rate_hz=float(measurements) / (SPAN_NS / 1e9),
+            rate_hz=sum(tally.measurements for tally in recent) / span_s if span_s else 0.0,
             age_s=age_s,
-            outlier_share=float(outliers) / rows if rows else 0.0,
-            latency_s=self._latency_s(name),
-            alive=age_s is not None and age_s < SILENT_S,
+            outlier_share=sum(tally.outliers for tally in recent) / rows if rows else 0.0,
+            latency_s=self._feeds.latency_s(name),
+            alive=self._feeds.alive(name),
             rows=self._totals[name][0],
             outliers=self._totals[name][1],
         )

@@ -1,6 +1,5 @@
 """Live: measurements come from the bus, through the same session, and the cleaned state goes back onto it."""
 
-import json
 import statistics
 import threading
 import time
@@ -10,59 +9,67 @@ from itertools import groupby
 import numpy as np
 
 from gcs import messages
-from gcs.bus import Bus, Subscription
+from gcs.bus import Bus
 from gcs.messages import Bad, InsMeasurement, PolarMeasurement
 from gcs.session import Session
 
+SETTLE_S = 1.0  # a restarted station is given what the bridges kept; all of it, before the first row goes in
 POLL_S = 0.01  # how long one turn waits for the first measurement; also how often a hold can run out
 ASTRAY_NS = 5_000_000_000  # a stamp this far from the flight's clock is a fault of a clock, no delay of ours
+RECORDED_NS = 60_000_000_000  # stamps older than this on arrival come from a recording, not over a slow link
 MEMORY = 101  # arrivals of which the median is a source's usual lag: some seconds, and odd
 
 
-class Lags:
-    """How late each source's stamps arrive. The flight's clock is the INS's, else the first source's."""
+class BusFeeds:
+    """The measurements on the bus. The flight's clock is the INS's, else that of the first source."""
 
-    def __init__(self):
-        self._ns: dict[str, deque] = {}
+    def __init__(self, bus: Bus):
+        self._bus = bus
+        self.incoming = bus.subscribe("raw/*")
+        self._lags_ns: dict[str, deque] = {}
 
     def astray(self, name: str, t_ns: np.ndarray, arrival_ns: int) -> np.ndarray:
         """Take in (n,) stamps that arrived now; returns (n,) bool, true where a stamp cannot be right."""
         lags = arrival_ns - t_ns
-        self._ns.setdefault(name, deque(maxlen=MEMORY)).extend(lags[-MEMORY:].tolist())
-        reference = "ins" if "ins" in self._ns else next(iter(self._ns))
-        return np.abs(lags - statistics.median(self._ns[reference])) > ASTRAY_NS
+        self._lags_ns.setdefault(name, deque(maxlen=MEMORY)).extend(lags[-MEMORY:].tolist())
+        reference = "ins" if "ins" in self._lags_ns else next(iter(self._lags_ns))
+        return np.abs(lags - statistics.median(self._lags_ns[reference])) > ASTRAY_NS
 
     def latency_s(self, name: str) -> float:
         """Median of arrival minus validity. A flight from a recording is as late as its fastest source: 0."""
-        usual = {source: statistics.median(lags) for source, lags in self._ns.items()}
+        usual = {source: statistics.median(lags) for source, lags in self._lags_ns.items()}
         least = min(usual.values(), default=0)
-        recorded = least if abs(least) > 60e9 else 0
+        recorded = least if abs(least) > RECORDED_NS else 0
         return (usual.get(name, recorded) - recorded) / 1e9
 
+    def alive(self, name: str) -> bool:
+        """Does the source hold its liveliness token?"""
+        return name in self._bus.alive()
 
-def run(session: Session, bus: Bus, incoming: Subscription, lags: Lags, stop: threading.Event) -> dict:
+    def queue_age_s(self) -> float:
+        return self.incoming.age_s
+
+
+def run(session: Session, feeds: BusFeeds, stop: threading.Event) -> dict:
     """Serve until ``stop``; returns the summary."""
-    bus.serve("schema", lambda: (json.dumps(messages.schema()).encode(), messages.JSON))
     strangers: Counter = Counter()
+    stop.wait(SETTLE_S)
     while not stop.is_set():
-        arrived = sorted(incoming.drain(POLL_S), key=lambda pair: pair[0])
+        arrived = sorted(feeds.incoming.drain(POLL_S), key=lambda pair: pair[0])
         now_ns = time.time_ns()
         for name, pairs in groupby(arrived, key=lambda pair: pair[0]):
             found = [message for _, message in pairs]
             if name in session.ledger.sensors:
-                _enter(session, name, found, lags, now_ns)
+                _enter(session, name, found, feeds, now_ns)
             else:
                 strangers[name] += len(found)
         session.advance(session.align.due_ns(now_ns))
-    lost = {
-        "queue_full": incoming.dropped,
-        "on_the_way": incoming.missed,
-        "undecodable": incoming.undecodable,
-    }
+    queue = feeds.incoming
+    lost = {"queue_full": queue.dropped, "on_the_way": queue.missed, "undecodable": queue.undecodable}
     return session.finish({"complete": True, "bus": lost, "unknown_sources": dict(strangers)})
 
 
-def _enter(session: Session, name: str, found: list, lags: Lags, now_ns: int) -> None:
+def _enter(session: Session, name: str, found: list, feeds: BusFeeds, now_ns: int) -> None:
     """One source's messages into the session; no measurement of its kind, or astray: complained of."""
     intake = session.intake
     kind = InsMeasurement if name == "ins" else PolarMeasurement
@@ -73,7 +80,7 @@ def _enter(session: Session, name: str, found: list, lags: Lags, now_ns: int) ->
     if good:
         measured = messages.to_columns(good, kind)
         batch = intake.ins(measured) if name == "ins" else intake.polar(name, measured)
-        astray = lags.astray(name, measured["t_ns"], now_ns)[batch.entries["measurement"]]
+        astray = feeds.astray(name, measured["t_ns"], now_ns)[batch.entries["measurement"]]
         batch.complaints[astray] = session.ledger.reason("stamped seconds away from the flight's clock")
         session.enter(batch, now_ns)
 

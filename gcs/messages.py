@@ -115,8 +115,7 @@ class Health(_Message, frozen=True, kw_only=True):
 
     t_ns: int
     sensors: dict[str, SensorHealth]
-    queue_age_s: float = 0.0
-    link: str = ""
+    queue_age_s: float = 0.0  # how long the oldest measurement waits to be taken in
 
 
 class Event(_Message, frozen=True, kw_only=True):

@@ -100,23 +100,25 @@ class Playback:
                 if self._goal_ns is not None and self._goal_ns < self.now_ns:
                     self.now_ns = self.start_ns
                     return None
-                if self._goal_ns is not None:
-                    self.now_ns = min(self._goal_ns, self.now_ns + STEP_NS)
-                    if self.now_ns == self._goal_ns:
-                        self._goal_ns = None
-                        self._mark()
-                    return self.now_ns
-                if self.playing and self.now_ns < self.end_ns:
-                    if self.speed == float("inf"):
-                        self.now_ns = min(self.end_ns, self.now_ns + STEP_NS)
-                        return self.now_ns
-                    elapsed_s = time.monotonic() - self._from_s
-                    target_ns = self._from_ns + round(elapsed_s * self.speed * 1e9)
-                    if target_ns > self.now_ns:
-                        self.now_ns = min(self.end_ns, target_ns)
-                        return self.now_ns
+                target_ns = self._target_ns()
+                if target_ns > self.now_ns:
+                    self.now_ns = target_ns
+                    return target_ns
                 self._changed.wait(TICK_S)
             return self.now_ns
+
+    def _target_ns(self) -> int:
+        """Where time has come to: a seek hurries, a pause stands still."""
+        if self._goal_ns is not None and self.now_ns < self._goal_ns:
+            return min(self._goal_ns, self.now_ns + STEP_NS)
+        if self._goal_ns is not None:
+            self._goal_ns = None
+            self._mark()
+        if not self.playing:
+            return self.now_ns
+        if self.speed == float("inf"):
+            return min(self.end_ns, self.now_ns + STEP_NS)
+        return min(self.end_ns, self._from_ns + round((time.monotonic() - self._from_s) * self.speed * 1e9))
 
     def _set(self, **changes) -> None:
         with self._changed:

@@ -1,12 +1,12 @@
 """Puts the sinks of one run together: the record, the bus, the view, the terminal."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from gcs.config import Station
 from gcs.console import Console
 from gcs.frames import Frame, scene
-from gcs.health import Monitor
+from gcs.health import Feeds, Monitor
 from gcs.publish import Publisher, Target
 from gcs.record import Record
 from gcs.session import Session, Sink
@@ -47,13 +47,13 @@ def new_session(
     out: Path,
     method: str,
     send_to: Sequence[Target],
-    latency_s: Callable[[str], float] = lambda _: 0.0,
+    feeds: Feeds,
 ) -> Session:
     """A session with its sinks, compiled and ready for the first measurement."""
     sinks: list[Sink] = [Record(out, station, frame), Console()]
     if send_to:
         names = ["ins", *(sensor.name for sensor in station.sensor)]
-        sinks.append(Publisher(frame, Monitor(names, latency_s), send_to))
+        sinks.append(Publisher(frame, Monitor(names, feeds), send_to))
     session = Session(station, frame, sinks, method)
     session.estimator.warm_up()
     return session

@@ -1,12 +1,13 @@
 """The station live: bus, MAVLink link, session, record and view, opened and closed together."""
 
+import json
 import threading
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 
-from gcs import live
+from gcs import live, messages
 from gcs.config import Station
 from gcs.console import say
 from gcs.frames import Frame, scene
@@ -58,11 +59,13 @@ def serve(
         shown = open_view(station, frame) if view else None
         if shown:
             stack.callback(shown.close)
-        lags = live.Lags()
         say("compiling the filter (once; cached for the next start)")
-        session = new_session(station, frame, folder, method, targets(bus, shown), lags.latency_s)
-        incoming = bus.subscribe("raw/*")
-        bus.publish("scene", scene(station, frame))
+        feeds = live.BusFeeds(bus)
+        session = new_session(station, frame, folder, method, targets(bus, shown), feeds)
+        still = scene(station, frame)
+        bus.publish("scene", still)
+        bus.serve("scene", lambda: messages.encode(still))
+        bus.serve("schema", lambda: (json.dumps(messages.schema()).encode(), messages.JSON))
         if station.mavlink.link:
             worker = Worker(lambda: _mavlink(station, bus, stop), stop)
             worker.start()
@@ -71,7 +74,7 @@ def serve(
         say(f"bus: {station.bus.endpoint}   keys: {station.range.name}/{station.vehicle.name}/…")
         if shown:
             say(f"view: {shown.url}   (Ctrl-C ends)")
-        live.run(session, bus, incoming, lags, beside(stack) if beside else stop)
+        live.run(session, feeds, beside(stack) if beside else stop)
         if shown and not stop.is_set():
             say("the flight is over; the view stays until Ctrl-C")
             stop.wait()

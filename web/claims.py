@@ -1,15 +1,18 @@
 """Where the sensors claim the target was: raw points and flagged outliers, once their verdict has settled.
 
 Verdicts come by channel and may be revised while their row is inside the estimator's window. All channels of
-one sensor at one instant make one claim; it is an outlier as soon as one of its channels is refused.
+one sensor at one instant make one claim. Where a channel that places it in space is refused, the place is
+wrong: ``misplaced``. Where only a rate or an acceleration is refused, the place still stands: ``misjudged``.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 from gcs.messages import Verdict
 
 HOLD_NS = 3_000_000_000  # longer than the estimator's window of 1 to 2 s, so that revisions arrive in time
 REFUSED = {"used": False, "deweighted": False, "isolated": True, "patch": True}  # others claim nothing new
+PLACING = {"range", "azimuth", "elevation", "e", "n", "u"}
+ACCEPTED, MISJUDGED, MISPLACED = "accepted", "misjudged", "misplaced"
 
 
 class Claim:
@@ -20,14 +23,17 @@ class Claim:
         self.refused: dict[str, bool] = {}  # by channel
 
     @property
-    def outlier(self) -> bool:
-        return any(self.refused.values())
+    def kind(self) -> str:
+        refused = {channel for channel, refused in self.refused.items() if refused}
+        if refused & PLACING:
+            return MISPLACED
+        return MISJUDGED if refused else ACCEPTED
 
 
 class Claims:
-    """Claims still open to revision; settled ones go to ``settled(sensor, position, outlier)``."""
+    """Claims still open to revision; settled ones go to ``settled(sensor, position, kind)``."""
 
-    def __init__(self, settled: Callable[[str, Sequence[float], bool], None]):
+    def __init__(self, settled: Callable[[str, Sequence[float], str], None]):
         self._settled = settled
         self._open: dict[tuple[int, str], Claim] = {}
         self._now_ns = 0
@@ -49,16 +55,13 @@ class Claims:
         for key in sorted(key for key in self._open if key[0] < self._now_ns - HOLD_NS):
             claim = self._open.pop(key)
             if claim.position:
-                self._settled(key[1], claim.position, claim.outlier)
+                self._settled(key[1], claim.position, claim.kind)
 
-    def pending(self) -> tuple[dict[str, list[Sequence[float]]], list[Sequence[float]]]:
-        """Positions of the claims still open: accepted ones by sensor, and all refused ones."""
-        accepted: dict[str, list[Sequence[float]]] = {}
-        refused: list[Sequence[float]] = []
+    def pending(self) -> Iterator[tuple[str, Sequence[float], str]]:
+        """Sensor, position and kind of the claims still open."""
         for (_, sensor), claim in self._open.items():
             if claim.position:
-                (refused if claim.outlier else accepted.setdefault(sensor, [])).append(claim.position)
-        return accepted, refused
+                yield sensor, claim.position, claim.kind
 
     def clear(self) -> None:
         self._open.clear()

@@ -38,18 +38,20 @@ class Player:
             self._slider = gui.add_slider("Time s", 0.0, length_s, 1.0, 0.0)
             speed = min(SPEEDS, key=lambda name: abs(min(SPEEDS[name], 1e3) - min(playback.speed, 1e3)))
             self._speed = gui.add_dropdown("Speed", list(SPEEDS), initial_value=speed)
-        self._button.on_click(lambda _: playback.pause() if playback.playing else playback.play())
+        self._button.on_click(lambda _: self._press())
         self._speed.on_update(lambda event: playback.set_speed(SPEEDS[event.target.value]))
         self._slider.on_update(self._touch)
 
     def mode(self) -> str:
         playback = self._playback
+        if self._ended():
+            return "END"
         if not playback.playing:
-            return "END" if playback.now_ns >= playback.end_ns else "PAUSED"
-        return f"REPLAY {self._speed.value}"
+            return "PAUSED"
+        return "REPLAY max" if math.isinf(playback.speed) else f"REPLAY {playback.speed:g}×"
 
     def update(self) -> None:
-        label = "Pause" if self._playback.playing else "Play"
+        label = "Pause" if self._playback.playing and not self._ended() else "Play"
         if self._button.label != label:
             self._button.label = label
         resting = time.monotonic() - self._touched_s > SETTLE_S
@@ -59,6 +61,18 @@ class Player:
         elif self._wanted_s is None:
             now_s = (self._playback.now_ns - self._playback.start_ns) // 1e9
             self._slider.value = min(max(now_s, 0.0), self._slider.max)
+
+    def _ended(self) -> bool:
+        return self._playback.now_ns >= self._playback.end_ns
+
+    def _press(self) -> None:
+        if self._ended():
+            self._playback.seek(self._playback.start_ns)
+            self._playback.play()
+        elif self._playback.playing:
+            self._playback.pause()
+        else:
+            self._playback.play()
 
     def _touch(self, event: viser.GuiEvent) -> None:
         if event.client is not None:  # our own updates come from no client

@@ -3,7 +3,7 @@
 from datetime import UTC, datetime
 from html import escape
 
-from gcs.messages import Event, Health, Scene, State
+from gcs.messages import Event, Health, Scene, SensorHealth, State
 from web import colours
 from web.colours import Colour, css
 
@@ -50,9 +50,8 @@ def badge(state: State | None, age_s: float, mode: str) -> tuple[str, Colour]:
     return mode, colours.GOOD
 
 
-def status(scene: Scene, state: State | None, age_s: float, mode: str, tick: int) -> str:
-    text, colour = badge(state, age_s, mode)
-    head = f'<span class="badge" style="background:{css(colour)}">{text}</span><b>{escape(scene.vehicle)}</b>'
+def status(scene: Scene, state: State | None, word: str, colour: Colour, tick: int) -> str:
+    head = f'<span class="badge" style="background:{css(colour)}">{word}</span><b>{escape(scene.vehicle)}</b>'
     lost = f'<div class="lost" data-tick="{tick}">NO CONTACT WITH THE STATION</div>'
     if state is None:
         return f'{STYLE}<div class="gcs">{head} <span class="quiet">{escape(scene.range)}</span>{lost}</div>'
@@ -79,28 +78,39 @@ def sensors(scene: Scene, health: Health | None, state: State | None) -> str:
     rows = []
     for name, sensor in sorted(health.sensors.items(), key=lambda item: [*named, item[0]].index(item[0])):
         age_s = state.age_s.get(name, sensor.age_s) if state else sensor.age_s
-        word, colour = ("ok", colours.GOOD) if sensor.alive else ("gone", colours.BAD)
-        if sensor.alive and age_s > OLD_S:
-            word, colour = "silent", colours.BAD
+        word, colour = condition(sensor, age_s)
         rows.append(
             f"<tr><td>{swatch(named.get(name, colours.GROUND))}{escape(name)}</td>"
             f"<td>{sensor.rate_hz:.1f}</td>"
-            f"<td>{inked(f'{age_s:.1f}', colours.BAD if age_s > OLD_S else None)}</td>"
+            f"<td>{'–' if age_s is None else f'{age_s:.1f}'}</td>"
             f"<td>{inked(f'{sensor.outlier_share:.1%}', share_colour(sensor.outlier_share))}</td>"
             f"<td>{sensor.latency_s * 1e3:.0f}</td><td>{inked(word, colour)}</td></tr>"
         )
     head = "<tr><th>sensor</th><th>Hz</th><th>age s</th><th>outliers</th><th>delay ms</th><th></th></tr>"
-    link = f'<span class="quiet">{escape(health.link)}</span>' if health.link else ""
-    return f'{STYLE}<div class="gcs"><table>{head}{"".join(rows)}</table>{link}</div>'
+    behind = f"measurements wait {health.queue_age_s:.1f} s to be taken in"
+    queue = inked(behind, colours.BAD) if health.queue_age_s > STALE_S else ""
+    return f'{STYLE}<div class="gcs"><table>{head}{"".join(rows)}</table>{queue}</div>'
+
+
+def condition(sensor: SensorHealth, age_s: float | None) -> tuple[str, Colour]:
+    """A sensor in one word; ``age_s`` of its newest measurement, None before the first."""
+    if not sensor.alive:
+        return "gone", colours.BAD
+    if age_s is None:
+        return "waiting", colours.WARNING
+    return ("silent", colours.BAD) if age_s > OLD_S else ("ok", colours.GOOD)
 
 
 def legend(scene: Scene, sigma_factor: int) -> str:
     named = colours.of_sensors(scene)
     lines = [("filtered", colours.FILTERED), ("smoothed", colours.SMOOTHED)]
     words = [f'<span style="color:{css(c)}">▬</span> {name}' for name, c in lines]
-    words += [f'<b style="color:{css(colours.OUTLIER)}">✕</b> outlier']
+    words += [
+        f'<b style="color:{css(colours.OUTLIER)}">✕</b> outlier',
+        f"{swatch(colours.OUTLIER)}rate outlier",
+    ]
     words += [f"{swatch(colour)}{escape(name)}" for name, colour in named.items()]
-    words += [f"3σ ellipsoid ×{sigma_factor}", "grid 100 m, 1 km"]
+    words += [f"3σ ×{sigma_factor}"]
     return (
         STYLE
         + '<div class="gcs">'

@@ -13,7 +13,6 @@ CHUNK = 1_000  # points of a finished piece
 TAIL = 100  # points of the piece that is sent on every update
 MOST = 64  # finished pieces before the oldest are thinned
 DOT_M = 0.05  # a dot is a very short line with round ends
-CROSS_M = 12.0  # half-width of an outlier's cross
 
 Shape = Callable[[np.ndarray], np.ndarray]
 
@@ -29,9 +28,9 @@ def dots(points: np.ndarray) -> np.ndarray:
     return np.stack([points, points + np.array([0, 0, DOT_M])], axis=1)
 
 
-def crosses(points: np.ndarray) -> np.ndarray:
+def crosses(points: np.ndarray, half_m: float) -> np.ndarray:
     """(n, 3) → (4 n, 2, 3): the four diagonals of a cube, so a cross from every side."""
-    arms = CROSS_M / np.sqrt(3) * np.array([(1, 1, 1), (1, -1, 1), (-1, 1, 1), (-1, -1, 1)])
+    arms = half_m / np.sqrt(3) * np.array([(1, 1, 1), (1, -1, 1), (-1, 1, 1), (-1, -1, 1)])
     return np.stack([points[:, None] - arms, points[:, None] + arms], axis=2).reshape(-1, 2, 3)
 
 
@@ -71,6 +70,12 @@ class Trail:
         if self._dirty or pending:
             self._show("tail", [*self._open[settled:], *pending])
         self._dirty = bool(pending)
+
+    def redraw(self) -> None:
+        """Send everything once more, after the shape has changed."""
+        for name, points, _ in self._chunks:
+            self._show(name, points)
+        self._settled, self._dirty = -1, True
 
     def clear(self) -> None:
         for name, _, _ in self._chunks:

@@ -12,19 +12,19 @@ from collections import deque
 
 import viser
 
-from gcs.messages import Event, Health, Scene, State
-from web import panel
+from gcs.messages import Event, Health, InputError, Scene, State, Verdict
+from web import colours, panel
 from web.controls import Playback, Player
 from web.scene import LAYERS, Picture
 
 QUEUE = 200_000  # messages; at more than a million a minute the oldest are skipped, counted and shown
 PERIOD_S = 0.1
 PANEL_PERIODS = 3  # the panel is read by people: three times a second is enough
-EVENTS = 4
+EVENTS = 3
 NAMES = {"sight": "lines of sight", "ellipsoid": "3σ ellipsoid", "raw": "raw points"}
 
 
-class ViewError(RuntimeError):
+class ViewError(InputError):
     """The view cannot open; the message says what to do."""
 
 
@@ -50,7 +50,7 @@ class View:
         self._picture = Picture(self._server, scene)
         self._theme(dark=False)
         self._build_panel(playback)
-        self._server.on_client_connect(self._picture.look)
+        self._server.on_client_connect(self._picture.cameras.look)
         self._thread = threading.Thread(target=self._run, name="view", daemon=True)
         self._thread.start()
 
@@ -76,9 +76,6 @@ class View:
 
     def _set_stage(self) -> None:
         self._server.scene.set_up_direction("+z")
-        camera = self._server.initial_camera
-        camera.near, camera.far, camera.fov = 1.0, 100_000.0, 0.9
-        camera.position, camera.look_at = (-700.0, -1600.0, 1000.0), (0.0, 0.0, 0.0)
         self._server.gui.set_panel_label("Ground station")
         self._server.gui.main_panel.dock_right()
 
@@ -89,7 +86,7 @@ class View:
             show_logo=False,
             show_share_button=False,
         )
-        self._picture.set_dark(dark)
+        self._picture.aircraft.set_dark(dark)
 
     def _build_panel(self, playback: Playback | None) -> None:
         gui = self._server.gui
@@ -101,9 +98,9 @@ class View:
             self._log = gui.add_html("")
         with gui.add_folder("Show"):
             self._legend = gui.add_html("")
-            gui.add_button("Reset view").on_click(lambda event: self._picture.look(event.client))
+            gui.add_button("Reset view").on_click(lambda event: self._picture.cameras.look(event.client))
             gui.add_checkbox("follow aircraft", False).on_update(
-                lambda event: self._follow(event.target.value)
+                lambda event: self._picture.cameras.set_follow(event.target.value)
             )
             for name in LAYERS:
                 box = gui.add_checkbox(NAMES.get(name, name), True)
@@ -112,11 +109,6 @@ class View:
 
     def _show(self, layer: str, visible: bool) -> None:
         self._picture.layers[layer].visible = visible
-
-    def _follow(self, follow: bool) -> None:
-        self._picture.follow = follow
-        for client in self._server.get_clients().values():
-            self._picture.look(client)
 
     def _run(self) -> None:
         tick = 0
@@ -132,11 +124,12 @@ class View:
         match message:
             case None:
                 self._picture.clear()
+                self._events.clear()
             case Health():
                 self._health = message
             case Event():
                 self._events.append(message)
-            case _:
+            case State() | Verdict():
                 self._picture.take(message, source)
         if isinstance(message, State) and source != "smoothed":
             self._state, self._arrived_s = message, time.monotonic()
@@ -146,9 +139,12 @@ class View:
             self._player.update()
         mode = self._player.mode() if self._player else "LIVE"
         age_s = time.monotonic() - self._arrived_s
-        self._status.content = panel.status(self._scene, self._state, age_s, mode, tick)
+        word, colour = panel.badge(self._state, age_s, mode)
+        stale = colour == colours.BAD
+        self._picture.aircraft.say(f"{self._scene.vehicle} · {word}" if stale else self._scene.vehicle)
+        self._status.content = panel.status(self._scene, self._state, word, colour, tick)
         self._sensors.content = panel.sensors(self._scene, self._health, self._state)
-        self._legend.content = panel.legend(self._scene, self._picture.sigma_factor)
+        self._legend.content = panel.legend(self._scene, self._picture.aircraft.factor)
         self._log.content = panel.events(list(self._events), self._skipped)
 
 

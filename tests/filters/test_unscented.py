@@ -85,8 +85,20 @@ def test_a_whole_flight_equals_filterpy():
     out = window.trace(len(rows), 9, len(rows))
     x, P = x0.copy(), P0.copy()
     columns = [np.ascontiguousarray(rows[name]) for name in ("t_ns", "sensor", "channel", "value")]
+    noise = built.variance[rows["sensor"], rows["channel"]]
     window.ahead(
-        built, *columns, np.ones(len(rows)), 0, len(rows), x, P, int(rows["t_ns"][0]), out, window.scratch(9)
+        built,
+        *columns,
+        noise,
+        np.full(len(rows), built.jerk_psd),
+        np.ones(len(rows)),
+        0,
+        len(rows),
+        x,
+        P,
+        int(rows["t_ns"][0]),
+        out,
+        window.scratch(9),
     )
     now = rows["t_ns"][0]
     for row in rows:

@@ -8,6 +8,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import imageio.v3 as imageio
+import numpy as np
+
 CHROMIUM = "/usr/bin/chromium"
 ARGS = [
     "--no-sandbox",
@@ -19,18 +22,20 @@ ARGS = [
     "--disable-sync",
     "--no-first-run",
 ]
-SETTLE_MS = 6000  # software rendering needs a few frames
+SETTLE_TRIES, SETTLED = 12, 0.5  # looks, and grey levels a pixel may still change by
 SIZE = {"width": 1400, "height": 900}
+SMALL = {"width": 1000, "height": 600}  # a third of the pixels, for what is rendered without a graphics card
 
 
 @contextmanager
-def open_page(url: str) -> Iterator:
+def open_page(url: str, size: dict[str, int] = SIZE) -> Iterator:
     """A Playwright page on the view, once its panel is there."""
     from playwright.sync_api import sync_playwright
 
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=ARGS)
-        page = browser.new_page(viewport=SIZE)
+        page = browser.new_page(viewport=size)
+        page.set_default_timeout(60_000)
         page.goto(url)
         page.get_by_text("Sensors").wait_for()
         # The page warns those without a graphics card; in a picture of the view that is no news.
@@ -46,8 +51,19 @@ def screenshot(url: str, path: Path, dark: bool = False) -> None:
     with open_page(url) as page:
         if dark:
             page.get_by_role("checkbox", name="dark", exact=True).click()
-        page.wait_for_timeout(SETTLE_MS)
+        settle(page)
         page.screenshot(path=path)
+
+
+def settle(page) -> None:
+    """Wait until the picture has stopped building up: software rendering takes a while."""
+    before = None
+    for _ in range(SETTLE_TRIES):
+        page.wait_for_timeout(3000)
+        now = imageio.imread(page.screenshot())[..., :3].astype(int)
+        if before is not None and np.abs(now - before).mean() < SETTLED:
+            return
+        before = now
 
 
 if __name__ == "__main__":

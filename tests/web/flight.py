@@ -67,12 +67,12 @@ def _state(t_ns: int, seq: int, error: np.ndarray) -> State:
     return State(
         t_ns=t_ns,
         seq=seq,
-        lat_deg=-35.3632 + here[1] / 111_000,
-        lon_deg=149.1652 + here[0] / 90_600,
-        alt_m=584.0 + here[2],
-        position_enu_m=tuple(here),
-        velocity_enu_mps=tuple(velocity),
-        acceleration_enu_mps2=tuple(acceleration),
+        lat_deg=float(-35.3632 + here[1] / 111_000),
+        lon_deg=float(149.1652 + here[0] / 90_600),
+        alt_m=float(584.0 + here[2]),
+        position_enu_m=tuple(here.tolist()),
+        velocity_enu_mps=tuple(velocity.tolist()),
+        acceleration_enu_mps2=tuple(acceleration.tolist()),
         covariance=covariance[np.tril_indices(9)].tolist(),
         quality=96,
         reset_counter=0,
@@ -97,7 +97,7 @@ def _verdict(t_ns: int, i: int, sensor: str, noise_m: float, rng: np.random.Gene
         weight=float(verdict == "used"),
         verdict=verdict,
         reason="",
-        position_enu_m=tuple(here),
+        position_enu_m=tuple(here.tolist()),
     )
 
 

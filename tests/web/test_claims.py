@@ -1,7 +1,7 @@
 """Which claim becomes a raw point and which an outlier."""
 
 from gcs.messages import Verdict
-from web.claims import HOLD_NS, Claims
+from web.claims import ACCEPTED, HOLD_NS, MISJUDGED, MISPLACED, Claims
 
 
 def verdict(t_ns=0, sensor="radar", channel="range", word="used", position=(1.0, 2.0, 3.0)) -> Verdict:
@@ -33,17 +33,22 @@ LATER = verdict(t_ns=HOLD_NS + 1, sensor="clock", position=None)
 
 def test_one_refused_channel_makes_an_outlier():
     shots = [verdict(channel="range", position=None), verdict(channel="azimuth", word="patch"), LATER]
-    assert settled_after(*shots) == [("radar", (1.0, 2.0, 3.0), True)]
+    assert settled_after(*shots) == [("radar", (1.0, 2.0, 3.0), MISPLACED)]
+
+
+def test_a_refused_rate_leaves_the_place_standing():
+    shots = [verdict(channel="range"), verdict(channel="range_rate", word="isolated"), LATER]
+    assert settled_after(*shots)[0][2] == MISJUDGED
 
 
 def test_a_revision_takes_the_outlier_back():
     assert settled_after(verdict(word="isolated"), verdict(word="used"), LATER) == [
-        ("radar", (1.0, 2.0, 3.0), False)
+        ("radar", (1.0, 2.0, 3.0), ACCEPTED)
     ]
 
 
 def test_a_duplicate_does_not_condemn_the_original():
-    assert settled_after(verdict(), verdict(word="duplicate"), LATER)[0][2] is False
+    assert settled_after(verdict(), verdict(word="duplicate"), LATER)[0][2] == ACCEPTED
 
 
 def test_nothing_settles_while_it_may_be_revised():
@@ -51,7 +56,10 @@ def test_nothing_settles_while_it_may_be_revised():
     claims.take(verdict(word="isolated"))
     claims.take(verdict(t_ns=HOLD_NS, sensor="theo"))
     claims.settle()
-    assert claims.pending() == ({"theo": [(1.0, 2.0, 3.0)]}, [(1.0, 2.0, 3.0)])
+    assert [(sensor, kind) for sensor, _, kind in claims.pending()] == [
+        ("radar", MISPLACED),
+        ("theo", ACCEPTED),
+    ]
 
 
 def pytest_fail(claim) -> None:

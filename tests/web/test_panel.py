@@ -6,6 +6,7 @@ import pytest
 from gcs.messages import Event, Health, State
 from tests.web.flight import SCENE, START_NS, messages
 from web import panel
+from web.colours import GOOD
 
 FLOWN = [message for message, source in messages(3.0) if source == ""]
 STATE = next(m for m in FLOWN if isinstance(m, State))
@@ -32,7 +33,7 @@ def test_the_clock_is_utc_with_tenths():
 
 
 def test_every_write_differs_so_that_silence_shows():
-    assert panel.status(SCENE, STATE, 0.1, "LIVE", 1) != panel.status(SCENE, STATE, 0.1, "LIVE", 2)
+    assert panel.status(SCENE, STATE, "LIVE", GOOD, 1) != panel.status(SCENE, STATE, "LIVE", GOOD, 2)
 
 
 def test_a_sensor_says_rate_share_and_delay():
@@ -41,12 +42,20 @@ def test_a_sensor_says_rate_share_and_delay():
         assert text in html
 
 
-@pytest.mark.parametrize(("change", "word"), [({"alive": False}, "gone"), ({"age_s": 9.0}, "silent")])
+@pytest.mark.parametrize(
+    ("change", "word"), [({"alive": False}, "gone"), ({"age_s": 9.0}, "silent"), ({"age_s": None}, "waiting")]
+)
 def test_a_lost_sensor_is_called_so(change, word):
     radar = msgspec.structs.replace(HEALTH.sensors["radar-west"], **change)
     health = msgspec.structs.replace(HEALTH, sensors={"radar-west": radar})
     assert word in panel.sensors(SCENE, health, None)
     assert word not in panel.sensors(SCENE, HEALTH, None)
+
+
+def test_a_station_that_falls_behind_says_so():
+    behind = msgspec.structs.replace(HEALTH, queue_age_s=4.2)
+    assert "wait 4.2 s" in panel.sensors(SCENE, behind, None)
+    assert "wait" not in panel.sensors(SCENE, HEALTH, None)
 
 
 def test_skipped_messages_are_told():

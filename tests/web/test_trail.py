@@ -111,6 +111,20 @@ def test_hours_stay_bounded_and_reach_from_first_to_last(shape, monkeypatch):
         np.testing.assert_array_equal(ends[1:, 0], ends[:-1, 1])
 
 
+def test_redraw_gives_everything_the_new_shape():
+    canvas, half_m = Canvas(), 1.0
+    drawn = Trail("t", lambda points: crosses(points, half_m), canvas.draw)
+    for point in walk(CHUNK + 2 * TAIL + 3):
+        drawn.add(point)
+    drawn.update()
+    half_m = 3.0
+    drawn.redraw()
+    drawn.update()
+    lengths_m = np.linalg.norm(np.diff(canvas.segments(), axis=1), axis=2)
+    assert len(lengths_m) == 4 * (CHUNK + 2 * TAIL + 3)
+    np.testing.assert_allclose(lengths_m, 6.0, rtol=1e-4)
+
+
 def test_clear_takes_everything_away():
     canvas = Canvas()
     drawn = Trail("t", line, canvas.draw)
@@ -122,6 +136,6 @@ def test_clear_takes_everything_away():
 
 
 def test_a_cross_is_centred_on_its_point():
-    segments = crosses(np.array([(10.0, 20.0, 30.0)]))
+    segments = crosses(np.array([(10.0, 20.0, 30.0)]), 6.0)
     np.testing.assert_allclose(segments.mean(axis=1), np.tile((10.0, 20.0, 30.0), (4, 1)))
-    np.testing.assert_allclose(np.linalg.norm(segments[:, 1] - segments[:, 0], axis=1), 2 * trail.CROSS_M)
+    np.testing.assert_allclose(np.linalg.norm(segments[:, 1] - segments[:, 0], axis=1), 12.0)

@@ -3,7 +3,7 @@
 import numpy as np
 from viser.transforms import SO3
 
-from web.scene import attitude, ellipsoid
+from web.aircraft import attitude, ellipsoid
 
 
 def lower(position_covariance: np.ndarray) -> list[float]:

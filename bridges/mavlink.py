@@ -1,0 +1,213 @@
+"""The live MAVLink link of a vehicle: listens, never speaks.
+
+A heartbeat from a ground station arms an autopilot's failsafe, so nothing is ever sent: no heartbeat, no
+request. The autopilot or its router must stream by itself. The one exception is ``udpout:``, where the other
+end only learns who listens from a datagram of ours: an empty one, once a second until the vehicle is heard.
+
+The same formulas and the same rules as for a log (``bridges/autopilot.py``), one message at a time.
+"""
+
+import socket
+import time
+from contextlib import closing
+from threading import Event as Flag
+
+import numpy as np
+
+from bridges import autopilot
+from bridges.flightclock import US, LiveClock
+from gcs.messages import Bad, Event, InputError, InsMeasurement
+
+RETRY_S = 1.0  # between two attempts to open a link that was there
+SILENT_S = 5.0  # a link without the vehicle for so long is reported
+POLL_S = 0.1
+KNOCK_S = 1.0
+CLIP = 32  # bytes of a damaged frame shown
+AUTOPILOT = 1  # MAV_COMP_ID_AUTOPILOT1, the component listened to until a HEARTBEAT came
+
+
+class LinkError(InputError):
+    """A link that cannot be used. The message names it and what to do."""
+
+
+class Decoder:
+    """Messages of one vehicle in, measurements out. Keeps its clock, attitude, fix and geoid separation."""
+
+    def __init__(self, system_id: int | None, link: str = "mavlink") -> None:
+        self.system_id, self.link = system_id, link
+        self.clock = LiveClock()
+        self.bad = 0  # damaged frames so far
+        self._component: int | None = None  # of the autopilot, known from its HEARTBEAT
+        self._forces: dict[str, list[np.ndarray]] = {}  # first samples of each IMU message
+        self._restart()
+
+    def _restart(self) -> None:
+        self._attitude: tuple[int, np.ndarray, np.ndarray] | None = None  # UTC ns, angles, rates
+        self._has_fix: bool | None = None  # None: the receiver has said nothing
+        self._gps_alt = self._separation = np.nan
+
+    def decode(self, message, arrival_ns: int) -> InsMeasurement | Bad | None:
+        """What one pymavlink message says: a measurement, a reason why not, or nothing of interest.
+
+        ``arrival_ns`` UTC ns is the instant of reception.
+        """
+        name = message.get_type()
+        if name == "BAD_DATA":
+            self.bad += 1
+            raw = bytes(message.data[:CLIP]).hex(" ")
+            return Bad(source="ins", where=f"{self.link} #{self.bad}", reason=message.reason, raw=raw)
+        beats = name == "HEARTBEAT" and message.autopilot != autopilot.NO_AUTOPILOT
+        if self.system_id is None and beats:
+            self.system_id = message.get_srcSystem()  # the first autopilot heard
+        if message.get_srcSystem() != self.system_id:
+            return None
+        if beats:
+            self._component = min(message.get_srcComponent(), self._component or 255)
+        if message.get_srcComponent() != (self._component or AUTOPILOT):
+            return None
+        boot_ns = self._boot_ns(message, arrival_ns)
+        if name == "SYSTEM_TIME":
+            self.clock.system_time(message.time_unix_usec, boot_ns)
+        elif name == "ATTITUDE":
+            angles = np.array([message.roll, message.pitch, message.yaw])
+            rates = np.array([message.rollspeed, message.pitchspeed, message.yawspeed])
+            self._attitude = self.clock.utc_ns(boot_ns), angles, rates
+        elif name == "GPS_RAW_INT":
+            self._gps(message)
+        elif name == "GLOBAL_POSITION_INT":
+            return self._position(message, self.clock.utc_ns(boot_ns), arrival_ns)
+        elif name in autopilot.IMUS:
+            t_ns = self.clock.utc_ns(boot_ns) if boot_ns < autopilot.UNIX_US * US else boot_ns
+            return self._acceleration(name, message, t_ns, arrival_ns)
+        return None
+
+    def _boot_ns(self, message, arrival_ns: int) -> int:
+        """Boot time of the message in ns; of IMU messages the time they carry, 0 where they carry none."""
+        if not hasattr(message, "time_boot_ms"):
+            return getattr(message, "time_usec", 0) * US
+        boot_ns, restarted = self.clock.boot_ns(message.time_boot_ms, arrival_ns)
+        if restarted:
+            self._restart()
+        return boot_ns
+
+    def _gps(self, message) -> None:
+        if message.fix_type >= autopilot.FIX_3D:
+            self._has_fix, self._gps_alt = True, message.alt
+        self._has_fix = bool(self._has_fix)
+        separation = autopilot.geoid_separation_m(message.fix_type, message.alt, message.alt_ellipsoid)
+        self._separation = separation if np.isfinite(separation) else self._separation
+
+    def _position(self, message, t_ns: int, arrival_ns: int) -> InsMeasurement | None:
+        place = message.lat, message.lon, message.alt
+        if self._has_fix is False or not autopilot.has_position(*place, message.relative_alt, self._gps_alt):
+            return None
+        values = autopilot.position_velocity(*place, message.vx, message.vy, message.vz)
+        lat_deg, lon_deg, alt_msl_m, ve_mps, vn_mps, vu_mps = values
+        return InsMeasurement(
+            t_ns=t_ns,
+            arrival_ns=arrival_ns,
+            lat_deg=lat_deg,
+            lon_deg=lon_deg,
+            alt_msl_m=alt_msl_m,
+            geoid_separation_m=float(self._separation) if np.isfinite(self._separation) else None,
+            ve_mps=ve_mps,
+            vn_mps=vn_mps,
+            vu_mps=vu_mps,
+        )
+
+    def _acceleration(self, name: str, message, t_ns: int, arrival_ns: int) -> InsMeasurement | None:
+        force = np.array([message.xacc, message.yacc, message.zacc]) * autopilot.IMUS[name]
+        first = self._forces.setdefault(name, [])
+        if len(first) < autopilot.IMU_SAMPLES:
+            first.append(force)
+        best = next((i for i in autopilot.IMUS if autopilot.is_accelerometer(self._forces.get(i, []))), None)
+        if name != best or self._attitude is None:
+            return None
+        attitude_ns, angles, rates = self._attitude
+        if abs(t_ns - attitude_ns) > autopilot.ATTITUDE_AGE_NS:
+            return None
+        ae, an, au = autopilot.acceleration_enu(force, angles, rates, (t_ns - attitude_ns) * 1e-9).tolist()
+        return InsMeasurement(t_ns=t_ns, arrival_ns=arrival_ns, ae_mps2=ae, an_mps2=an, au_mps2=au)
+
+
+def run(link: str, system_id: int | None, bus, stop: Flag) -> None:
+    """Publish ``raw/ins`` from ``link`` (any pymavlink address) until ``stop`` is set.
+
+    Without a ``system_id`` it is the first autopilot heard.
+
+    A link that is lost is opened again and again; losing and finding it are published as events.
+    Raises LinkError where the address cannot be used at all.
+    """
+    _check(link)
+    bus.declare_alive("ins")
+    decoder, lost = Decoder(system_id, link), False
+    while not stop.is_set():
+        try:
+            with closing(_open(link)) as port:
+                _tell(bus, "info", f"{link}: listening for vehicle {system_id or '(any)'}")
+                lost = False
+                _listen(port, decoder, bus, stop)
+        except OSError as error:
+            if not lost:
+                _tell(bus, "warning", f"{link}: {error.strerror or error}; trying again every {RETRY_S:g} s")
+            lost = True
+            stop.wait(RETRY_S)
+
+
+def _listen(port, decoder: Decoder, bus, stop: Flag) -> None:
+    heard, silent, knocked, readable = time.monotonic(), False, -KNOCK_S, False
+    knock, stream = decoder.link.startswith("udpout:"), decoder.link.startswith("tcp:")
+    while not stop.is_set():
+        now = time.monotonic()
+        if knock and now - knocked >= KNOCK_S:
+            port.write(b"")
+            knocked = now
+        before = port.mav.total_bytes_received
+        message = port.recv_msg()
+        if message is None:
+            if stream and readable and port.mav.total_bytes_received == before:
+                raise ConnectionResetError(0, "closed by the other end")
+            if now - heard > SILENT_S and not silent:
+                silent = True
+                _tell(bus, "warning", f"{decoder.link}: nothing from vehicle {decoder.system_id}")
+            readable = port.select(POLL_S)
+            continue
+        readable = False
+        measurement = decoder.decode(message, time.time_ns())
+        if measurement is not None:
+            bus.publish("raw", measurement, "ins")
+        if message.get_srcSystem() == decoder.system_id:
+            heard, knock = now, False
+            if silent:
+                silent = False
+                _tell(bus, "info", f"{decoder.link}: vehicle {decoder.system_id} is back")
+
+
+def _tell(bus, level: str, text: str) -> None:
+    bus.publish("event", Event(t_ns=time.time_ns(), level=level, text=text))
+
+
+def _check(link: str) -> None:
+    """Raise LinkError for an address pymavlink would not refuse clearly."""
+    kind, _, rest = link.partition(":")
+    if kind not in ("udpin", "udpout", "tcp", "tcpin"):
+        return  # a serial port, whose own error says enough
+    host, _, port = rest.rpartition(":")
+    if not host or not port.isdigit() or not 0 < int(port) < 65536:
+        raise LinkError(f"{link}: give {kind}:HOST:PORT, as in {kind}:127.0.0.1:14550")
+    if kind == "udpin":
+        # pymavlink binds with SO_REUSEADDR, which would quietly share the port with another listener
+        with closing(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) as probe:
+            try:
+                probe.bind((host, int(port)))
+            except OSError as error:
+                raise LinkError(
+                    f"{link}: {error.strerror}; another ground station may be listening: choose another port"
+                ) from None
+
+
+def _open(link: str):
+    """A pymavlink connection that parses MAVLink 1 and 2 and never answers."""
+    from pymavlink import mavutil  # sets os.environ when imported
+
+    return mavutil.mavlink_connection(link, retries=1)

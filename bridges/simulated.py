@@ -1,0 +1,206 @@
+"""Theodolite and radar feeds that never were, simulated from a flight's truth with all that goes wrong.
+
+    python -m bridges.simulated --truth truth.csv --station station.toml --seed 7 --out DIR
+
+For each instrument of the station file two files, the n-th line of one about the n-th line of the other:
+
+``NAME.csv``         the feed, as ``bridges.feed`` reads it
+``NAME.labels.csv``  per channel what was true at the instant of the measurement, without noise and error, and
+                     the label none | isolated | patch
+
+and in ``injected.json`` the zero errors (added to the true value) and clock offsets (``t_stamp = t_valid +
+clock_offset``). The truth is a CSV, gzip or not, with ``lat_deg``, ``lon_deg``, ellipsoidal ``alt_m`` and
+either ``t_ns`` or the boot time ``TimeUS``, which needs the flight's log to become UTC. Geometry goes through
+the ellipsoid, so the Earth is as round as it is. The same seed gives the same bytes.
+"""
+
+import argparse
+import csv
+import gzip
+import json
+import tomllib
+from collections.abc import Sequence
+from operator import itemgetter
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from bridges import feed
+from filters import scenario, simulate
+from gcs.messages import CHANNELS, POLAR, InputError
+
+TRUTH = np.dtype([("t_ns", "i8"), ("lat_deg", "f8"), ("lon_deg", "f8"), ("alt_m", "f8")])
+COLUMNS = {"range_m": 3, "azimuth_deg": 6, "elevation_deg": 6, "range_rate_mps": 3}  # decimals in files
+TO_FILE = np.array([1.0, np.degrees(1.0), np.degrees(1.0), 1.0])
+RATE_HZ = {"theodolite": 20.0, "radar": 10.0}
+OUTLIER_SHARE = 0.041  # of a phased-array radar record; see filters.simulate.contaminate
+
+
+class Instrument(NamedTuple):
+    """Where it stands (WGS84, ellipsoidal height) and how well it measures."""
+
+    name: str
+    kind: str  # theodolite | radar
+    lat_deg: float
+    lon_deg: float
+    alt_m: float
+    sigma: dict[str, float]  # by names of COLUMNS; a channel left out is not measured
+    refraction: str = "none"  # none | optical | radar
+    errors: simulate.Errors = simulate.NO_ERRORS
+
+
+def read_truth(path: Path, boot_to_utc_ns: int | None = None) -> np.ndarray:
+    """(n,) ``TRUTH``. Raises ``FeedError`` for a file that is none."""
+    path = Path(path)
+    opened = gzip.open if path.suffix == ".gz" else open
+    with opened(path, "rt", encoding="utf-8", newline="") as file:
+        lines = csv.DictReader(file)
+        names = set(lines.fieldnames or ())
+        if not {"lat_deg", "lon_deg", "alt_m"} <= names or not names & {"t_ns", "TimeUS"}:
+            raise feed.FeedError(f"{path}:1: a truth file has t_ns or TimeUS, and lat_deg, lon_deg, alt_m")
+        if "t_ns" not in names and boot_to_utc_ns is None:
+            raise feed.FeedError(f"{path}:1: TimeUS is boot time; name the flight's log with --tlog")
+        place = itemgetter("lat_deg", "lon_deg", "alt_m")
+        rows = [
+            (int(x["t_ns"]) if "t_ns" in names else boot_to_utc_ns + int(x["TimeUS"]) * 1000, *place(x))
+            for x in lines
+        ]
+    return np.array(rows, TRUTH)
+
+
+def observe(
+    truth: np.ndarray, instrument: Instrument, rng: np.random.Generator, share: float
+) -> simulate.Observation:
+    """What one instrument sees of the flight, (n,) ``TRUTH``, ``share`` of its values outliers."""
+    import pymap3d
+
+    site = instrument.lat_deg, instrument.lon_deg, instrument.alt_m
+    target = truth["lat_deg"], truth["lon_deg"], truth["alt_m"]
+    t0_ns = int(truth["t_ns"][0])
+    seen_from = scenario.track(
+        (truth["t_ns"] - t0_ns) * 1e-9, np.column_stack(pymap3d.geodetic2enu(*target, *site))
+    )
+    sigma = np.full(len(CHANNELS), np.nan)
+    sigma[:4] = [instrument.sigma.get(name, np.nan) for name in COLUMNS] / TO_FILE
+    sensor = simulate.Sensor(instrument.name, instrument.kind, sigma, refraction=instrument.refraction)
+    rate_hz = RATE_HZ[instrument.kind]
+    seen = simulate.instrument(seen_from, sensor, rate_hz, rng, instrument.errors, t0_ns)
+    return simulate.contaminate(seen, sigma[:4], rng, share)
+
+
+def observe_all(
+    truth: np.ndarray, instruments: Sequence[Instrument], seed: int, share: float = OUTLIER_SHARE
+) -> dict[str, simulate.Observation]:
+    """By name; each instrument has its own stream of chance, so adding one changes no other."""
+    return {
+        instrument.name: observe(truth, instrument, np.random.default_rng([seed, k]), share)
+        for k, instrument in enumerate(instruments, 1)
+    }
+
+
+def crooked(instruments: Sequence[Instrument], seed: int) -> list[Instrument]:
+    """The same instruments set up with ordinary care: small zero errors, clocks apart, a few dropouts."""
+    rng = np.random.default_rng([seed, 0])
+    out = []
+    for instrument in instruments:
+        zero = (rng.normal(0, 1.5), *np.radians(rng.normal(0, 0.01, 2)).tolist(), 0.0)
+        clock_s = rng.uniform(-0.08, 0.08)
+        errors = simulate.Errors(zero, clock_s, jitter_s=0.001, gap_share=0.01)
+        out.append(instrument._replace(errors=errors))
+    return out
+
+
+def to_polar(seen: simulate.Observation) -> np.ndarray:
+    """(m,) ``POLAR`` of one instrument, rounded as in its file."""
+    rows = np.zeros(len(seen.t_ns), POLAR)
+    rows["t_ns"] = rows["arrival_ns"] = seen.t_ns
+    for (name, decimals), column in zip(COLUMNS.items(), (seen.values * TO_FILE).T, strict=True):
+        rows[name] = np.round(column, decimals)
+    return rows
+
+
+def write(folder: Path, name: str, seen: simulate.Observation) -> None:
+    """``NAME.csv`` and ``NAME.labels.csv``."""
+    measured = np.flatnonzero(~np.isnan(seen.values).all(axis=0))
+    names = [list(COLUMNS)[k] for k in measured]
+    stamps = [f"{t // 10**9}.{t % 10**9:09d}" for t in seen.t_ns.tolist()]
+    values, clean = (_text(of[:, measured] * TO_FILE[measured], names) for of in (seen.values, seen.clean))
+    labels = np.array(simulate.LABELS)[seen.labels[:, measured]].tolist()
+    labelled = [[x for pair in zip(*of, strict=True) for x in pair] for of in zip(clean, labels, strict=True)]
+    headings = [heading for name in names for heading in (name, f"{name.rsplit('_', 1)[0]}_label")]
+    for suffix, header, rows in (("", names, values), (".labels", headings, labelled)):
+        lines = [",".join(["t", *header])]
+        lines += [",".join([t, *row]) for t, row in zip(stamps, rows, strict=True)]
+        (folder / f"{name}{suffix}.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def run(bus, truth: np.ndarray, instruments: Sequence[Instrument], seed: int, stop, **pace) -> None:
+    """Stream all instruments live; ``pace`` as in ``feed.play``."""
+    due = []
+    for name, seen in observe_all(truth, instruments, seed).items():
+        bus.declare_alive(name)
+        due += feed.timeline(name, to_polar(seen), [])
+    feed.play(bus, sorted(due, key=itemgetter(0)), stop, **pace)
+
+
+def instruments_of(station: Path) -> list[Instrument]:
+    """The instruments of a station file; those without ``sigma`` cannot be simulated."""
+    sensors = tomllib.loads(Path(station).read_text(encoding="utf-8")).get("sensor", [])
+    return [
+        Instrument(
+            s["name"], s["kind"], **s["position"], sigma=s["sigma"], refraction=s.get("refraction", "none")
+        )
+        for s in sensors
+    ]
+
+
+def boot_to_utc_ns(path: Path) -> int:
+    """UTC minus boot time of the only vehicle in a log, at its start."""
+    from bridges import tlog
+
+    return tlog.flight(tlog.read(path)).boots[0].offset_ns
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    parser = argparse.ArgumentParser(prog="python -m bridges.simulated", description=__doc__.splitlines()[0])
+    parser.add_argument("--truth", type=Path, required=True)
+    parser.add_argument("--tlog", type=Path, help="the same flight's log, where the truth is in boot time")
+    parser.add_argument("--station", type=Path, required=True)
+    parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--seed", type=int, required=True)
+    parser.add_argument("--share", type=float, default=OUTLIER_SHARE, help="of the values, outliers")
+    parser.add_argument("--clean", action="store_true", help="noise only: no outlier, no systematic error")
+    options = parser.parse_args(arguments)
+    try:
+        _make(options)
+    except (InputError, OSError) as error:
+        parser.error(str(error))
+
+
+def _make(options: argparse.Namespace) -> None:
+    truth = read_truth(options.truth, boot_to_utc_ns(options.tlog) if options.tlog else None)
+    instruments = instruments_of(options.station)
+    if not options.clean:
+        instruments = crooked(instruments, options.seed)
+    share = 0.0 if options.clean else options.share
+    options.out.mkdir(parents=True, exist_ok=True)
+    for name, seen in observe_all(truth, instruments, options.seed, share).items():
+        write(options.out, name, seen)
+    injected = {"seed": options.seed, "outlier_share": share}
+    injected |= {instrument.name: _injected(instrument.errors) for instrument in instruments}
+    (options.out / "injected.json").write_text(json.dumps(injected, indent=2) + "\n", encoding="utf-8")
+
+
+def _injected(errors: simulate.Errors) -> dict[str, float]:
+    zero = (np.array(errors.zero) * TO_FILE).tolist()
+    return dict(zip(COLUMNS, zero, strict=True)) | {"clock_offset_s": errors.clock_offset_s}
+
+
+def _text(values: np.ndarray, names: list[str]) -> list[list[str]]:
+    decimals = [COLUMNS[name] for name in names]
+    return [[f"{x:.{d}f}" for x, d in zip(row, decimals, strict=True)] for row in values.tolist()]
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,72 @@
+"""Other stories that the window's rows might tell: which rows to turn round before settling again.
+
+Re-weighting finds the nearest explanation, which need not be the best: a run that was believed from its first
+row on bends the track towards itself. So where something does not fit, its opposite is settled too, and the
+story of lower cost wins.
+"""
+
+import numpy as np
+from numba import njit
+
+from filters import outlier
+
+JUMP = 3.2  # sigmas of a used row's innovation that may be the beginning of a run
+MOSTLY = 0.6  # refused share of a channel's rows that makes one doubt the others instead
+TOTAL = 0.35  # refused share of all rows that makes one doubt the state itself
+MARGIN = 4.0  # by which a rival's cost has to be lower
+DEEP_MARGIN = 20.0  # the same for the rivals that turn everything round
+MANY = 4  # rivals tried at most for jumps in one re-decision
+
+
+@njit(cache=True)
+def jumps(rows, begin, end, out):
+    """(k, 2) spans of rows i ≤ … < j that one channel may have been believed wrongly, by their first innovation."""
+    spans, size, found = np.zeros((MANY, 2), np.int64), np.zeros(MANY), 0
+    for i in range(begin, end):
+        z = out.v[i - begin] ** 2 / out.S[i - begin]
+        if rows.weight[i] == 0.0 or z < JUMP**2:
+            continue
+        j, length = i + 1, 1
+        while j < end:
+            if rows.sensor[j] == rows.sensor[i] and rows.channel[j] == rows.channel[i]:
+                if rows.weight[j] == 0.0 or out.v[j - begin] ** 2 / out.S[j - begin] > JUMP**2:
+                    break
+                length += 1
+            j += 1
+        if length < 2:
+            continue
+        k = found if found < MANY else size.argmin()
+        if found == MANY and z <= size[k]:
+            continue
+        spans[k, 0], spans[k, 1], size[k] = i, j, z
+        found = min(found + 1, MANY)
+    return spans[:found]
+
+
+def weights(rows, begin, end, out, sensors: int, deep: bool) -> list[tuple[np.ndarray, float]]:
+    """Starting weights (end − begin,) and margin of each rival story; ``deep`` asks for the costly ones too."""
+    weight, sensor, channel = rows.weight[begin:end], rows.sensor[begin:end], rows.channel[begin:end]
+    found = []
+    for i, j in jumps(rows, begin, end, out):
+        other, span = weight.copy(), slice(i - begin, j - begin)
+        mine = (sensor[span] == rows.sensor[i]) & (rows.channel[i:j] == rows.channel[i])
+        other[span][mine] = 0.0
+        found.append((other, MARGIN))
+    if deep:
+        refused = weight == 0.0
+        for s in range(sensors):
+            lost = np.zeros(end - begin, bool)
+            for c in np.unique(channel[sensor == s]):
+                mine = (sensor == s) & (channel == c)
+                if refused[mine].sum() > max(MOSTLY * mine.sum(), outlier.RUN):
+                    lost |= mine
+            if lost.any():
+                found.append((np.where(lost, 1.0, weight), DEEP_MARGIN))
+        if disagreement(rows, begin, end):
+            found.append((np.ones(end - begin), DEEP_MARGIN))
+    return found
+
+
+def disagreement(rows, begin, end) -> bool:
+    """Whether so much of the window is refused that the state itself is in doubt."""
+    return end - begin > outlier.RUN and (rows.weight[begin:end] == 0.0).mean() > TOTAL

@@ -1,0 +1,215 @@
+import socket
+import threading
+import time
+
+import numpy as np
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from bridges import mavlink, tlog
+from bridges.flightclock import MS, S
+from gcs.messages import INS, Bad, Event, InsMeasurement, to_columns
+from tests.bridges import oracle
+from tests.bridges.flights import START_US, flight, packed, write
+
+
+class FakeBus:
+    """Keeps what is published."""
+
+    def __init__(self):
+        self.alive, self.raw, self.events = set(), [], []
+
+    def declare_alive(self, source):
+        self.alive.add(source)
+
+    def publish(self, subject, message, source=""):
+        if isinstance(message, Event):
+            assert (subject, source) == ("event", "")
+            self.events.append(message.text)
+        else:
+            assert (subject, source) == ("raw", "ins")
+            self.raw.append(message)
+
+
+def live(path, system_id=1):
+    """What the live decoder makes of a log, message by message."""
+    decoder = mavlink.Decoder(system_id)
+    for one in oracle.pymavlink_messages(path)[0]:
+        measurement = decoder.decode(one.message, one.receipt_us * 1000)
+        if measurement is not None:
+            yield measurement
+
+
+def compare(path, system_id=1):
+    """(live, from the log): the same channel values, live without the first IMU samples it learns from."""
+    ours = to_columns(live(path, system_id), InsMeasurement)
+    logged = tlog.ins(tlog.read(path), system_id)
+    for channel in ("lat_deg", "ae_mps2"):
+        a, b = (rows[np.isfinite(rows[channel])] for rows in (ours, logged))
+        a, b = (rows[np.argsort(rows["t_ns"])] for rows in (a, b))
+        yield a, b[-a.size :]
+
+
+def test_live_and_log_give_the_same_measurements(tmp_path):
+    path = write(tmp_path / "flight.tlog", packed(flight(30, delay_s=0.05)))
+    for ours, logged in compare(path):
+        assert ours.size > 250
+        for name in INS.names:
+            if name != "arrival_ns":
+                assert ours[name] == pytest.approx(logged[name], abs=1e-9, nan_ok=True)
+
+
+@pytest.mark.parametrize("name", ["codelever_16-58-51", "codelever_18-50-10"])
+def test_live_and_log_agree_on_real_flights(name):
+    log = oracle.DATA / f"{name}.tlog"
+    if not log.exists():
+        pytest.skip(f"no {log}")
+    for ours, logged in compare(log):
+        assert ours.size > 290
+        for field in ("lat_deg", "lon_deg", "alt_msl_m", "ve_mps", "vn_mps", "vu_mps"):
+            assert np.array_equal(ours[field], logged[field], equal_nan=True)
+        assert np.nanmax(np.abs(ours["t_ns"] - logged["t_ns"])) < 0.5 * S  # no SYSTEM_TIME: learnt, not known
+
+
+def test_clock_without_system_time_is_the_least_delay_so_far(tmp_path):
+    path = tmp_path / "flight.tlog"
+    write(path, packed(flight(120, system_time=False, delay_s=0.02, jitter_s=0.06, seed=1)))
+    rows = to_columns(live(path), InsMeasurement)
+    late = rows["t_ns"][-500:] % (100 * MS)
+    assert np.abs(late - 20 * MS).max() < 5 * MS
+
+
+def test_restart_starts_over(tmp_path):
+    path = tmp_path / "flight.tlog"
+    second = flight(10, boot_ms=4_000, start_us=START_US + 100_000_000, fix_after_s=0)
+    write(path, packed(flight(60)), packed(second))
+    rows = [m for m in live(path) if m.lat_deg is not None]
+    assert rows[-1].t_ns == (START_US + 100_000_000) * 1000 + (4_000 + 9_900) * MS
+
+
+def test_other_systems_and_damage(tmp_path):
+    path = write(tmp_path / "flight.tlog", packed(flight(5), system=8))
+    assert list(live(path, system_id=1)) == []
+    decoder = mavlink.Decoder(1, "udpin:127.0.0.1:14550")
+    bad = decoder.decode(dialect.MAVLink_bad_data(b"\x01\x02", "Bad prefix"), 5)
+    assert bad == Bad(source="ins", where="udpin:127.0.0.1:14550 #1", reason="Bad prefix", raw="01 02")
+
+
+def free_port(kind=socket.SOCK_DGRAM) -> int:
+    with socket.socket(socket.AF_INET, kind) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+def frames_of(seconds=12.0) -> list[bytes]:
+    return [record[8:] for record in packed(flight(seconds))]
+
+
+def until(condition, timeout_s=20.0) -> bool:
+    deadline = time.monotonic() + timeout_s
+    while not condition() and time.monotonic() < deadline:
+        time.sleep(0.01)
+    return condition()
+
+
+@pytest.fixture
+def listen():
+    """Start ``mavlink.run`` on a link; gives (bus, errors of the thread)."""
+    stop, threads = threading.Event(), []
+
+    def start(link):
+        bus = FakeBus()
+        threads.append(threading.Thread(target=mavlink.run, args=(link, 1, bus, stop)))
+        threads[-1].start()
+        return bus
+
+    yield start
+    stop.set()
+    for thread in threads:
+        thread.join(10)
+        assert not thread.is_alive()
+
+
+def count(bus) -> int:
+    return sum(m.lat_deg is not None for m in bus.raw)
+
+
+def test_udp_in_hears_everything_and_says_nothing(listen):
+    port = free_port()
+    bus = listen(f"udpin:127.0.0.1:{port}")
+    assert until(lambda: bus.events)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as vehicle:
+        vehicle.connect(("127.0.0.1", port))
+        for frame in frames_of():
+            vehicle.send(frame)
+            time.sleep(0.0002)
+        assert until(lambda: count(bus) == 110)
+        vehicle.setblocking(False)
+        with pytest.raises(BlockingIOError):
+            vehicle.recv(1)
+    assert bus.alive == {"ins"}
+    assert abs(bus.raw[-1].arrival_ns - time.time_ns()) < 60 * S
+    assert bus.raw[-1].t_ns < START_US * 1000 + 60 * S
+
+
+def test_udp_out_knocks_with_nothing(listen):
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as vehicle:
+        vehicle.bind(("127.0.0.1", 0))
+        vehicle.settimeout(20)
+        bus = listen(f"udpout:127.0.0.1:{vehicle.getsockname()[1]}")
+        knock, station = vehicle.recvfrom(100)
+        assert knock == b""
+        for frame in frames_of():
+            vehicle.sendto(frame, station)
+            time.sleep(0.0002)
+        assert until(lambda: count(bus) == 110)
+
+
+def test_tcp_is_opened_again_after_a_loss(listen, monkeypatch):
+    monkeypatch.setattr(mavlink, "RETRY_S", 0.05)
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        bus = listen(f"tcp:127.0.0.1:{server.getsockname()[1]}")
+        frames = frames_of()
+        half = len(frames) // 2
+        for part in (frames[:half], frames[half:]):
+            vehicle, _ = server.accept()
+            with vehicle:
+                vehicle.sendall(b"".join(part))
+                assert until(lambda: bus.raw and bus.raw[-1].t_ns >= 0)
+        assert until(lambda: count(bus) == 110)
+        assert until(lambda: len(bus.events) >= 3)
+    assert "closed by the other end" in bus.events[1]
+
+
+def test_link_that_is_not_there_yet_is_told_and_tried_again(listen, monkeypatch):
+    monkeypatch.setattr(mavlink, "RETRY_S", 0.05)
+    port = free_port(socket.SOCK_STREAM)
+    bus = listen(f"tcp:127.0.0.1:{port}")
+    assert until(lambda: bus.events)
+    assert "refused" in bus.events[0]
+    with socket.create_server(("127.0.0.1", port)) as server:
+        vehicle, _ = server.accept()
+        with vehicle:
+            vehicle.sendall(b"".join(frames_of()))
+            assert until(lambda: count(bus) == 110)
+
+
+@pytest.mark.parametrize(
+    ("link", "says"),
+    [
+        ("udpin:127.0.0.1", "udpin:HOST:PORT"),
+        ("udpin:127.0.0.1:99999", "udpin:HOST:PORT"),
+        ("tcp:here", "tcp:HOST:PORT"),
+    ],
+)
+def test_addresses_that_are_none(link, says):
+    with pytest.raises(mavlink.LinkError, match=says):
+        mavlink.run(link, 1, FakeBus(), threading.Event())
+
+
+def test_port_in_use():
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+        other.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        other.bind(("127.0.0.1", 0))
+        with pytest.raises(mavlink.LinkError, match="another ground station"):
+            mavlink.run(f"udpin:127.0.0.1:{other.getsockname()[1]}", 1, FakeBus(), threading.Event())

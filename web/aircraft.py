@@ -1,0 +1,71 @@
+"""The aircraft with its name, its attitude and its 3-sigma ellipsoid."""
+
+import numpy as np
+import viser
+import viser.transforms
+
+from gcs.messages import State
+from web import colours, glyphs
+
+SIZE, ELLIPSOID = 0.08, 0.025  # wing span and least ellipsoid as a share of the camera's distance
+LEAST_M = 2.0  # wing span from near
+FACTORS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)  # how much larger than life the ellipsoid may be
+SLOW_MPS = 2.0  # below this the velocity says nothing about where the nose points
+GRAVITY_MPS2 = 9.80665
+
+
+class Aircraft:
+    """Not seen before the first state."""
+
+    def __init__(self, api: viser.SceneApi, name: str):
+        vertices, faces = glyphs.aircraft()
+        self._body = api.add_mesh_simple(
+            "/world/aircraft", vertices, faces, flat_shading=True, side="double", visible=False
+        )
+        self._label = api.add_label("/world/aircraft-label", name, visible=False, anchor="bottom-center")
+        self._ellipsoid = api.add_icosphere(
+            "/world/ellipsoid/sigma", color=colours.FILTERED, opacity=0.22, visible=False, cast_shadow=False
+        )
+        self.factor = 1  # how much larger than life the ellipsoid is drawn
+
+    def set_dark(self, dark: bool) -> None:
+        self._body.color = colours.INK[dark]
+
+    def say(self, text: str) -> None:
+        if self._label.text != text:
+            self._label.text = text
+
+    def move(self, state: State, distance_m: float) -> None:
+        """Show ``state``, sized for a camera at that distance."""
+        position, span_m = np.array(state.position_enu_m), max(LEAST_M, SIZE * distance_m)
+        self._body.position = self._ellipsoid.position = position
+        self._body.scale = span_m
+        self._label.position = position + np.array([0, 0, span_m / 2])
+        if np.linalg.norm(state.velocity_enu_mps) > SLOW_MPS:
+            self._body.wxyz = attitude(state.velocity_enu_mps, state.acceleration_enu_mps2)
+        radii, axes = ellipsoid(state.covariance)
+        seen = (factor for factor in FACTORS if factor * radii.max() > ELLIPSOID * distance_m)
+        self.factor = next(seen, FACTORS[-1])
+        self._ellipsoid.scale = tuple(radii * self.factor)
+        self._ellipsoid.wxyz = viser.transforms.SO3.from_matrix(axes).wxyz
+        self._body.visible = self._label.visible = self._ellipsoid.visible = True
+
+
+def ellipsoid(covariance: list[float]) -> tuple[np.ndarray, np.ndarray]:
+    """3-sigma radii (3,) in metres and axes (3, 3) by columns, from the (45,) lower triangle by rows."""
+    xx, yx, yy, zx, zy, zz = covariance[:6]
+    variances, axes = np.linalg.eigh(np.array([[xx, yx, zx], [yx, yy, zy], [zx, zy, zz]]))
+    axes[:, 2] *= np.sign(np.linalg.det(axes))
+    return 3 * np.sqrt(np.maximum(variances, 1e-6)), axes
+
+
+def attitude(velocity, acceleration) -> np.ndarray:
+    """Unit quaternion wxyz, body (nose, left, up) to ENU, of an aircraft in a coordinated turn.
+
+    The nose points along the velocity, and the lift, acceleration less gravity, has no part to the side.
+    """
+    nose = np.array(velocity) / np.linalg.norm(velocity)
+    lift = np.array([0, 0, GRAVITY_MPS2]) + acceleration
+    lift = lift - (lift @ nose) * nose
+    up = lift / np.linalg.norm(lift)
+    return viser.transforms.SO3.from_matrix(np.column_stack([nose, np.cross(up, nose), up])).wxyz
