@@ -150,6 +150,7 @@ class Estimator:
         self._r, self._N = np.zeros(n), np.zeros((n, n))
         self._recent = np.zeros((len(sensors), len(CHANNELS), 2))
         self._newest_ns, self._told, self._marks, self._reset_log = LONG_AGO_NS, 0, [], []
+        self._fixed_ns = 0
         tally = np.zeros((len(sensors), len(CHANNELS), 3))
         scale = np.stack([np.zeros((len(sensors), len(CHANNELS))), np.ones((len(sensors), len(CHANNELS)))])
         blank = Snapshot(
@@ -178,6 +179,7 @@ class Estimator:
             if self._epoch() and self._head.t_ns > self._newest_ns:
                 self._newest_ns = self._head.t_ns
                 track[count] = self._tracks([self._head.t_ns], self._head.x[None], self._head.P[None])[0]
+                track[count]["fixed_ns"] = self._fixed_ns
                 count += 1
         return Step(track[:count], self._take_smoothed(), np.concatenate([refused, self._changed()]))
 
@@ -271,7 +273,7 @@ class Estimator:
         if cell_ns > self._boundary_ns:
             self._close(cell_ns)
         head, s = self._head, self.settings
-        decide.admit(
+        fixed = decide.admit(
             self.model,
             rows,
             begin,
@@ -292,6 +294,7 @@ class Estimator:
             rows.sensor, rows.channel, rows.weight, rows.off, rows.verdict, rows.reason, begin, end, head.run
         )
         self._head = head._replace(t_ns=int(t_ns))
+        self._fixed_ns = int(t_ns) if fixed else self._fixed_ns
         self._done = end
         return True
 

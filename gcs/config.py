@@ -148,7 +148,7 @@ def load(path: Path | None, overrides: list[str] = ()) -> Station:
         raise InputError(_explain(where, text, str(error))) from None
     names = [sensor.name for sensor in station.sensor]
     for name in names:
-        if name == "ins" or names.count(name) > 1:
+        if name in ("ins", "air") or names.count(name) > 1:
             line = _line_of(text, ["sensor", len(names) - 1 - names[::-1].index(name), "name"])
             raise InputError(f"{where}:{line}: sensor name {name!r} is taken; give each its own")
     return station

@@ -1,6 +1,6 @@
 """The loop, the same for live and replay.
 
-measurements → intake → align → estimator → ledger → sinks
+measurements → intake → align → estimator → air → ledger → sinks
 """
 
 from collections.abc import Sequence
@@ -9,12 +9,13 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from filters import estimator, outlier
+from gcs.air import Air
 from gcs.align import Align
 from gcs.config import Station
 from gcs.frames import Frame
 from gcs.intake import Batch, Intake, sensors_of
 from gcs.ledger import Ledger
-from gcs.messages import InputError
+from gcs.messages import Event, InputError, Wind
 
 FOREVER_NS = np.iinfo(np.int64).max
 
@@ -27,6 +28,7 @@ class Update(NamedTuple):
     judged: np.ndarray  # (v,) ENTRY whose verdict is new or has changed
     retired: np.ndarray  # (r,) ENTRY, final, in order of arrival
     ledger: Ledger  # gives names and ``reason_texts``
+    told: Sequence[Wind | Event] = ()  # of the air
 
 
 class Sink(Protocol):
@@ -46,6 +48,7 @@ class Session:
         self.intake = Intake(station, frame, self.ledger)
         self.align = Align(station.align.hold_s)
         self.estimator = _make_estimator(method, self.sensors, station)
+        self.air = Air()
         self.sinks = sinks
         self._judged: list[np.ndarray] = []
 
@@ -55,6 +58,10 @@ class Session:
         self._judged.append(invalid)
         self.align.add(rows, arrival_ns)
 
+    def enter_air(self, samples: np.ndarray) -> None:
+        """Take (n,) AIR in."""
+        self.air.enter(samples)
+
     def advance(self, upto_ns: int) -> None:
         """One turn of the loop, over everything valid up to ``upto_ns``."""
         rows, repeats = self.align.release(upto_ns)  # one time-ordered stream
@@ -63,7 +70,9 @@ class Session:
                 repeats, "duplicate", self.ledger.reason("this channel already has a value at this time")
             )
         )
-        self._hand_on(self.estimator.step(rows))  # state and verdicts
+        step = self.estimator.step(rows)  # state and verdicts
+        track, told = self.air.step(step.track, upto_ns)  # wind, or dead reckoning
+        self._hand_on(step._replace(track=track), told)
 
     def finish(self, about: dict) -> dict:
         """Take in what still waits, make every verdict final, and give each sink the summary.
@@ -83,13 +92,14 @@ class Session:
             "verdicts": self.ledger.count_table(),
             "height": {"geoid_separation_from": self.intake.separation_source},
             "estimator": self.estimator.report(),
+            "wind": self.air.report(),
         }
 
-    def _hand_on(self, step) -> None:
+    def _hand_on(self, step, told: Sequence[Wind | Event] = ()) -> None:
         ids = np.concatenate([*self._judged, self.ledger.judge(step.verdicts)])
         self._judged.clear()
         judged = self.ledger.at(ids)
-        update = Update(step.track, step.smoothed, judged, self.ledger.retire(), self.ledger)
+        update = Update(step.track, step.smoothed, judged, self.ledger.retire(), self.ledger, told)
         for sink in self.sinks:
             sink.take(update)
 
