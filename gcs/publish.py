@@ -16,7 +16,7 @@ Target = Callable[[str, object, str], None]  # (subject, message, source)
 
 
 class Publisher:
-    """A sink: each update becomes ``state``, ``smoothed``, ``verdict``, ``wind``, ``health`` and ``event``."""
+    """A sink: updates become ``state``, ``smoothed``, ``verdict``, ``wind``, ``health`` and ``event``."""
 
     def __init__(self, frame: Frame, monitor: Monitor, targets: Sequence[Target]):
         self._frame, self._monitor, self._targets = frame, monitor, targets
