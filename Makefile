@@ -12,7 +12,7 @@ test: .venv/test
 	$(BIN)/ruff format --check .
 	$(BIN)/python -m pytest
 
-bench: .venv/bench
+bench: .venv/test
 	$(BIN)/gcs bench accuracy
 	$(BIN)/gcs bench speed
 
@@ -27,11 +27,7 @@ format: .venv/test
 	touch $@
 
 .venv/test: .venv/core
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[test]'
-	touch $@
-
-.venv/bench: .venv/test
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[bench]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[test,train,bench]'
 	touch $@
 
 clean:

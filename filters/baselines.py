@@ -90,12 +90,11 @@ class Baseline:
         (x, P), end = (part.copy() for part in self._start), len(rows)
         t, sensor, channel = rows["t_ns"], rows["sensor"], rows["channel"]
         noise, jerk = self.model.variance[sensor, channel], np.full(len(rows), self.model.jerk_psd)
+        given = windows.Given(t, sensor, channel, rows["value"], noise, jerk, weight)
         out, work = windows.trace(end, n, end), windows.scratch(n)
-        windows.ahead(
-            self.model, t, sensor, channel, rows["value"], noise, jerk, weight, 0, end, x, P, t[0], out, work
-        )
+        windows.ahead(self.model, given, 0, end, x, P, t[0], out, work)
         r, N = np.zeros(n), np.zeros((n, n))
-        windows.back(self.model, t, noise, weight, 0, end, out, r, N, work)
+        windows.back(self.model, given, 0, end, out, r, N, work)
         first = np.flatnonzero(np.diff(t, prepend=t[0] - 1))
         return _track(t[first], out.x[first], out.P[first])
 

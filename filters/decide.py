@@ -23,10 +23,12 @@ def admit(model, rows, begin, end, x, P, t_ns, jerk, variance, run, soft, hard, 
     Where one looks wrong, those that agree best with the prediction go first and sharpen it for the rest:
     the sensors vote at the same instant. ``jerk`` and
     ``variance`` (s, 13) are those of motion and noise now, ``run`` each channel's `outlier.label` state; a
-    ``patient`` filter, one that decides again later, is stricter within a run. Returns whether a row was used
-    that ties the state down: any but an acceleration, or a range rate alone.
+    ``patient`` filter, one that decides again later, is stricter within a run. The predicted state goes to
+    ``out.x[0]``, ``out.P[0]``. Returns whether a row was used that ties the state down: any but an acceleration,
+    or a range rate alone.
     """
     predict(x, P, (rows.t[begin] - t_ns) * 1e-9, jerk, model.rate, model.prior)
+    out.x[0], out.P[0] = x, P
     index, gain, m = out.index[0], out.gain[0], out.m[0]
     doubt = np.zeros(end - begin)
     for i in range(begin, end):
@@ -64,11 +66,9 @@ def settle(model, rows, begin, end, x0, P0, t0_ns, soft, hard, x, P, out, work, 
     total = 0.0
     for _ in range(REPEAT):
         x[:], P[:] = x0, P0
-        ahead(
-            model, rows.t, rows.sensor, rows.channel, rows.value, rows.noise, rows.jerk, rows.weight, begin, end, x, P, t0_ns, out, work
-        )  # fmt: skip
+        ahead(model, rows, begin, end, x, P, t0_ns, out, work)
         r[:], N[:] = 0.0, 0.0
-        back(model, rows.t, rows.noise, rows.weight, begin, end, out, r, N, work)
+        back(model, rows, begin, end, out, r, N, work)
         total = cost(rows, begin, end, out, recent)
         if reweigh(rows, begin, end, soft, hard, out, recent) < SETTLED:
             break
@@ -79,9 +79,7 @@ def settle(model, rows, begin, end, x0, P0, t0_ns, soft, hard, x, P, out, work, 
 def price(model, rows, begin, end, x0, P0, t0_ns, x, P, out, work, recent):
     """`cost` of the window with its weights, noise and jerk as they are; nothing is judged."""
     x[:], P[:] = x0, P0
-    ahead(
-        model, rows.t, rows.sensor, rows.channel, rows.value, rows.noise, rows.jerk, rows.weight, begin, end, x, P, t0_ns, out, work
-    )  # fmt: skip
+    ahead(model, rows, begin, end, x, P, t0_ns, out, work)
     return cost(rows, begin, end, out, recent)
 
 
@@ -112,10 +110,10 @@ def cost(rows, begin, end, out, recent):
 def reweigh(rows, begin, end, soft, hard, out, recent):
     """New weights from the residuals against all other rows; returns the largest change.
 
-    A row next to an outlier of its channel is under suspicion: AFTER sigmas instead of ``hard``, the sigma that
-    counts is bounded, because it has grown only for want of the neighbours, and there has to be a jump from
-    the outlier to it; or else it is the same run's next row that happens to fit.
-    ``recent`` (s, 13, 2) is scratch: how many rows before were refused in each channel, and the last residual.
+    A row next to an outlier of its channel is under suspicion: AFTER sigmas instead of ``hard``; the sigma
+    that counts is bounded, because it has grown only for want of the neighbours; and there has to be a jump
+    from the outlier to it, or else it is the same run's next row that happens to fit.
+    ``recent`` (s, 13, 2) is scratch: each channel's count of rows refused before, and the last residual.
     """
     for k in range(end - begin):
         out.next[k], out.alike[k] = False, False

@@ -9,12 +9,13 @@ Everything follows from the rows in order of time. A late row winds the estimato
 it and goes on from there, so what is final does not depend on the order of arrival.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from filters import decide, ins, motion, noise, outlier, rivals, start
+from filters import correction as corrections
+from filters import decide, ins, m1, motion, noise, outlier, rivals, start
 from filters import model as models
 from filters import report as reports
 from filters import window as windows
@@ -79,7 +80,8 @@ JUDGED = (
 )  # columns that a rewind restores
 
 
-def _room(n: int) -> Rows:
+def room(n: int) -> Rows:
+    """Empty rows, ``n`` of them."""
     types = ["i8", "i8", "i2", "i1", "f8", "f8", "f8", "f8", "f8", "f8", "f8", "f8", "i1", "i1", "i1", "f8"]
     return Rows(*(np.zeros(n, t) for t in types))
 
@@ -96,6 +98,15 @@ class Moment(NamedTuple):
         return Moment(self.t_ns, self.x.copy(), self.P.copy(), self.run.copy())
 
 
+class Reset(NamedTuple):
+    """A new beginning, because nothing fitted the old state."""
+
+    row: int  # the first one filtered from here
+    anchor: Moment
+    counted: bool  # the search for the first state is no reset
+    reason: str
+
+
 class Snapshot(NamedTuple):
     """All that is needed to go on from the beginning of a cell."""
 
@@ -108,7 +119,7 @@ class Snapshot(NamedTuple):
     tally: np.ndarray  # (s, 13, 3) of decided rows: used, sum of NIS, refused
     scale: np.ndarray  # (2, s, 13) each channel's last decided residual, and its noise in stated sigmas
     jerk: float  # density of the white jerk now
-    resets: int
+    resets: tuple[Reset, ...]
     left: np.ndarray  # (k,) TRACK smoothed, epochs decided when the cell before ended
 
 
@@ -116,27 +127,49 @@ LONG_AGO_NS = np.iinfo(np.int64).min // 2
 MARK_NS = 1_000_000_000
 HALF_QUALITY_M = 10.0  # position 1-sigma at which quality is 50
 DEEP = 3  # every so many re-decisions hear the costly rivals too
+YOUNG_NS = 5_000_000_000  # so long the first fix itself may be doubted for one channel's sake
+WITNESSES = 2  # other sensors that it takes to call a run wrong
 START_NS = 1_000_000_000  # rows so far apart may still make a fix together
 METHODS = {
     "default": {},
     "ukf": {"hard": np.inf, "soft": np.inf, "horizon_s": 0.0},
     "gate": {"hard": 4.0, "soft": 4.0, "horizon_s": 0.0},
     "igg": {"hard": 8.5, "soft": 1.5, "horizon_s": 0.0},
+    "ga-bp-ukf": {"hard": m1.NOTHING, "soft": m1.C, "horizon_s": 0.0},
 }
+HANDLING = {"ga-bp-ukf": (m1.admit, m1.label)}  # how fresh rows are decided and named; else the default
 
 
-def make(method: str, sensors: Sequence[Sensor], settings: Settings | None = None) -> "Estimator":
-    """An estimator by name; ``settings`` override what the method sets. Raises ValueError for an unknown name."""
+def make(
+    method: str,
+    sensors: Sequence[Sensor],
+    settings: Settings | None = None,
+    correction: Callable = corrections.off,
+) -> "Estimator":
+    """An estimator by name, which overrides some ``settings``. Raises ValueError for an unknown one."""
     if method not in METHODS:
         raise ValueError(f"unknown method {method!r}; choose one of {', '.join(METHODS)}")
-    return Estimator(sensors, (settings or Settings())._replace(**METHODS[method]))
+    handling = HANDLING.get(method, (decide.admit, outlier.label))
+    return Estimator(sensors, (settings or Settings())._replace(**METHODS[method]), handling, correction)
 
 
 class Estimator:
-    """See the module's text. ``sensors`` in the order of ROW's ``sensor``."""
+    """See the module's text. ``sensors`` in the order of ROW's ``sensor``.
 
-    def __init__(self, sensors: Sequence[Sensor], settings: Settings):
+    ``correction`` makes of each epoch's predicted and updated state the one that is published; as
+    `corrections.off`.
+    """
+
+    def __init__(
+        self,
+        sensors: Sequence[Sensor],
+        settings: Settings,
+        handling: tuple[Callable, Callable] = (decide.admit, outlier.label),
+        correction: Callable = corrections.off,
+    ):
         self.sensors, self.settings = tuple(sensors), settings
+        self._admit, self._label = handling
+        self._correction = correction
         self.model = models.build(
             sensors, settings.jerk_psd, settings.ins_bias_sigma_m, settings.ins_bias_tau_s
         )
@@ -144,24 +177,24 @@ class Estimator:
         self._cell_ns, self._horizon_ns, self._lateness_ns = (
             round(1e9 * s) for s in (settings.cell_s, settings.horizon_s, settings.lateness_s)
         )
-        self._rows, self._size, self._done, self._final = _room(4096), 0, 0, 0
+        self._rows, self._size, self._done, self._final = room(4096), 0, 0, 0
         self._out, self._spare = windows.trace(1024, n, 256), windows.trace(1024, n, 256)
         self._work = windows.scratch(n)
         self._r, self._N = np.zeros(n), np.zeros((n, n))
         self._recent = np.zeros((len(sensors), len(CHANNELS), 2))
-        self._newest_ns, self._told, self._marks, self._reset_log = LONG_AGO_NS, 0, [], []
-        self._fixed_ns = 0
+        self._newest_ns, self._fixed_ns, self._told, self._marks = LONG_AGO_NS, 0, 0, []
+        self._nobody = np.zeros(len(sensors), bool)
         tally = np.zeros((len(sensors), len(CHANNELS), 3))
         scale = np.stack([np.zeros((len(sensors), len(CHANNELS))), np.ones((len(sensors), len(CHANNELS)))])
         blank = Snapshot(
-            LONG_AGO_NS, 0, 0, None, None, (), tally, scale, settings.jerk_psd, 0, np.zeros(0, TRACK)
+            LONG_AGO_NS, 0, 0, None, None, (), tally, scale, settings.jerk_psd, (), np.zeros(0, TRACK)
         )
         self._snapshots, self._smoothed = [blank], []
         self._rewind(blank)
 
     def warm_up(self) -> None:
         """Compile everything, or fetch it from the cache, before the first measurement."""
-        twin = Estimator(self.sensors, self.settings)
+        twin = Estimator(self.sensors, self.settings, (self._admit, self._label), self._correction)
         said = [(s, c) for s, sensor in enumerate(self.sensors) for c in np.flatnonzero(sensor.sigma > 0)]
         rows = np.zeros(2 * len(said), ROW)
         for k, (s, c) in enumerate(said + said):
@@ -178,7 +211,9 @@ class Estimator:
         while self._done < self._size:
             if self._epoch() and self._head.t_ns > self._newest_ns:
                 self._newest_ns = self._head.t_ns
-                track[count] = self._tracks([self._head.t_ns], self._head.x[None], self._head.P[None])[0]
+                head, out = self._head, self._out
+                x = self._correction(out.x[0], out.P[0], head.x, head.P)
+                track[count] = self._tracks([head.t_ns], x[None], head.P[None])[0]
                 track[count]["fixed_ns"] = self._fixed_ns
                 count += 1
         return Step(track[:count], self._take_smoothed(), np.concatenate([refused, self._changed()]))
@@ -273,7 +308,7 @@ class Estimator:
         if cell_ns > self._boundary_ns:
             self._close(cell_ns)
         head, s = self._head, self.settings
-        fixed = decide.admit(
+        fixed = self._admit(
             self.model,
             rows,
             begin,
@@ -290,8 +325,17 @@ class Estimator:
             self._out,
             self._work,
         )
-        outlier.label(
-            rows.sensor, rows.channel, rows.weight, rows.off, rows.verdict, rows.reason, begin, end, head.run
+        self._label(
+            rows.sensor,
+            rows.channel,
+            rows.weight,
+            rows.off,
+            rows.verdict,
+            rows.reason,
+            begin,
+            end,
+            head.run,
+            self._nobody,
         )
         self._head = head._replace(t_ns=int(t_ns))
         self._fixed_ns = int(t_ns) if fixed else self._fixed_ns
@@ -338,7 +382,7 @@ class Estimator:
                 self._jerk,
                 self._resets,
                 left,
-            )  # fmt: skip
+            )
         )
         while len(self._snapshots) > 1 and self._snapshots[1].boundary_ns <= boundary_ns - self._lateness_ns:
             self._snapshots.pop(0)
@@ -365,9 +409,15 @@ class Estimator:
         deep = self._boundary_ns // self._cell_ns % DEEP == 0
         for weights, margin in rivals.weights(rows, begin, end, self._out, len(self.sensors), deep):
             cost = self._hear(begin, end, weights, self._anchor, cost, margin)
-        if deep and rivals.disagreement(rows, begin, end):
-            self._start_again(begin, end, cost)
+        young = self._anchor.t_ns < self._marks[0][1].t_ns + YOUNG_NS
+        unheard = young and rivals.lost(rows, begin, end, len(self.sensors))
+        if deep and (unheard or rivals.disagreement(rows, begin, end)):
+            self._start_again(begin, end, cost, not young)
         self._head.run[:] = self._anchor.run
+        used = (
+            np.bincount(rows.sensor[begin:end][rows.weight[begin:end] > 0], minlength=len(self.sensors)) > 0
+        )
+        others = used.sum() - used
         outlier.label(
             rows.sensor,
             rows.channel,
@@ -378,6 +428,7 @@ class Estimator:
             begin,
             end,
             self._head.run,
+            others < WITNESSES,
         )
 
     def _follow_jerk(self, begin: int, end: int, cost: float) -> float:
@@ -406,7 +457,10 @@ class Estimator:
         )  # fmt: skip
 
     def _hear(self, begin: int, end: int, weights: np.ndarray, anchor: Moment, cost: float, margin) -> float:
-        """Settle from other ``weights`` (end − begin,); the story stays if its cost is lower by ``margin``. Returns the lower."""
+        """Settle from other ``weights`` (end − begin,); returns the cost.
+
+        The story stays if its cost is lower than ``cost`` by ``margin``.
+        """
         judged = [(column, column[begin:end].copy()) for column in self._judged()]
         head = self._head.copy()
         self._rows.weight[begin:end] = weights
@@ -419,14 +473,18 @@ class Estimator:
             column[begin:end] = was
         return cost
 
-    def _start_again(self, begin: int, end: int, cost: float) -> None:
+    def _start_again(self, begin: int, end: int, cost: float, counted: bool) -> None:
         """After total disagreement: try the window from its own best-supported fixes."""
         rows, before = self._rows, self._anchor
+        share = (rows.weight[begin:end] == 0.0).mean()
         for x, P in start.candidates(self.model, rows, begin, end, before.x, before.P):
             anchor = Moment(int(rows.t[begin]), x, P, np.zeros_like(before.run))
             cost = self._hear(begin, end, np.ones(end - begin), anchor, cost, rivals.DEEP_MARGIN)
-        if self._anchor is not before and before.t_ns > self._marks[0][1].t_ns:
-            self._resets += 1
+        if self._anchor is not before:
+            reason = (
+                f"{share:.0%} of the last {self.settings.horizon_s:g} s refused: begun again from the sensors"
+            )
+            self._resets += (Reset(begin, self._anchor.copy(), counted, reason),)
 
     def _judged(self) -> list[np.ndarray]:
         return [getattr(self._rows, name) for name in JUDGED]
@@ -452,21 +510,20 @@ class Estimator:
         )
         if cut > begin:
             t_ns = windows.ahead(
-                self.model, rows.t, rows.sensor, rows.channel, rows.value, rows.noise, rows.jerk, rows.weight, begin, cut,
-                anchor.x, anchor.P, anchor.t_ns, self._out, self._work,
+                self.model, rows, begin, cut, anchor.x, anchor.P, anchor.t_ns, self._out, self._work,
             )  # fmt: skip
             self._anchor = anchor._replace(t_ns=int(t_ns))
             part = (
                 c[begin:cut].copy()
                 for c in (rows.sensor, rows.channel, rows.weight, rows.off, rows.verdict, rows.reason)
             )
-            outlier.label(*part, 0, cut - begin, anchor.run)
+            outlier.label(*part, 0, cut - begin, anchor.run, self._nobody)
         return left
 
     # ---- what goes out
 
     def _left(self, begin: int, cut: int) -> np.ndarray:
-        """Smoothed track (k,) TRACK of the epochs among rows ``begin`` to ``cut``, from the last re-decision."""
+        """Smoothed track (k,) TRACK of the epochs in rows ``begin`` to ``cut``, as last re-decided."""
         if self.settings.horizon_s == 0:
             return np.zeros(0, TRACK)
         t = self._rows.t[begin:cut]
@@ -482,7 +539,7 @@ class Estimator:
         track["x"][:, 3:6] -= shift * x[:, 6:9]
         sigma_m = np.sqrt(np.trace(P[:, :3, :3], axis1=1, axis2=2))
         track["quality"] = np.round(100.0 / (1.0 + sigma_m / HALF_QUALITY_M))
-        track["reset_counter"] = self._resets
+        track["reset_counter"] = sum(reset.counted for reset in self._resets)
         return track
 
     def _take_smoothed(self) -> np.ndarray:
@@ -508,22 +565,27 @@ class Estimator:
     def report(self) -> dict:
         """Evidence so far, ready for JSON: NIS per channel, systematic errors, counts, resets."""
         x, P = (self._head.x, self._head.P) if self._head else (np.zeros(0), np.zeros((0, 0)))
-        return reports.report(self.sensors, self.model, x, P, self._tally, self._reset_log)
+        log = [{"t_ns": r.anchor.t_ns, "reason": r.reason} for r in self._resets if r.counted]
+        return reports.report(self.sensors, self.model, x, P, self._tally, log)
 
     def smooth(self) -> np.ndarray:
-        """Best estimate of trajectory (k,) TRACK: ahead and back over the whole flight, with final weights."""
+        """Best estimate of trajectory (k,) TRACK: ahead and back over the flight with final weights."""
         rows, model, n = self._rows, self.model, len(self.model.prior)
         r, N = np.zeros(n), np.zeros((n, n))
         parts, end = [], self._size
-        for begin, mark in reversed(self._marks):
+        starts = {row: (mark, False) for row, mark in self._marks}
+        starts |= {reset.row: (reset.anchor, True) for reset in self._resets}
+        for begin in sorted(starts, reverse=True):
+            mark, fresh = starts[begin]
             if begin == end:
                 continue
             out = windows.trace(end - begin, n, end - begin)
             x, P = mark.x.copy(), mark.P.copy()
-            columns = (rows.t, rows.sensor, rows.channel, rows.value, rows.noise, rows.jerk, rows.weight)
-            windows.ahead(model, *columns, begin, end, x, P, mark.t_ns, out, self._work)
-            windows.back(model, rows.t, rows.noise, rows.weight, begin, end, out, r, N, self._work)
+            windows.ahead(model, rows, begin, end, x, P, mark.t_ns, out, self._work)
+            windows.back(model, rows, begin, end, out, r, N, self._work)
             motion.pull_back(r, N, (rows.t[begin] - mark.t_ns) * 1e-9, model.rate)
+            if fresh:
+                r[:], N[:] = 0.0, 0.0
             first = np.flatnonzero(np.diff(rows.t[begin:end], prepend=LONG_AGO_NS))
             parts.append(self._tracks(rows.t[begin + first], out.x[first], out.P[first]))
             end = begin

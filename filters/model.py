@@ -100,7 +100,7 @@ def common_variance(model: Model) -> float:
 
 
 def common_shift(model: Model, x: np.ndarray) -> float:
-    """What to take off all clocks of state ``x`` (n,), s: the weighted median, so that most of them are right."""
+    """What to take off all clocks of state ``x`` (n,), s: the weighted median, so most are right."""
     if not floating(model):
         return 0.0
     order = np.argsort(x[model.clock_at])

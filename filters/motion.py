@@ -20,7 +20,7 @@ SURER = 3.0  # by which the window's cost, −2 log likelihood, has to fall for 
 def predict(x, P, dt, jerk_psd, rate, variance):
     """Move ``x`` (n,) and ``P`` (n, n) ahead by ``dt`` seconds, in place.
 
-    ``rate`` (n,) is 1/τ of each systematic error, 0 for a constant; ``variance`` (n,) its stationary variance.
+    ``rate`` (n,) is 1/τ of each systematic error, 0 for a constant; ``variance`` (n,) the stationary one.
     """
     n = x.size
     half = 0.5 * dt * dt
@@ -69,7 +69,7 @@ def _add_noise(P, dt, jerk_psd):
 
 @njit(cache=True, fastmath=True)
 def pull_back(r, N, dt, rate):
-    """Carry what later rows say back by ``dt`` seconds, in place: r ← Fᵀ r, N ← Fᵀ N F, with F of `predict`."""
+    """Carry what later rows say back by ``dt`` seconds, in place: r ← Fᵀ r, N ← Fᵀ N F, F of `predict`."""
     n = r.size
     half = 0.5 * dt * dt
     for i in range(3):

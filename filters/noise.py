@@ -1,6 +1,6 @@
 """How noisy each channel really is, judged by steps from row to row: they do not see an offset or a motion.
 
-A low quantile of the steps does not see outliers either, so that neither a patch nor a crowd of outliers looks
+A low quantile of the steps does not see outliers either, so that neither a patch nor a crowd of them looks
 like noise. The result counts only where it leaves no doubt; a quieter channel keeps its stated sigma.
 """
 
@@ -37,7 +37,7 @@ def follow(is_ins, sensor, channel, off, variance, begin, end, last, scale):
 
 @njit(cache=True)
 def shake(rows, begin, end, s, variance, scale):
-    """Scale of INS ``s``'s velocities and accelerations in the window, from second differences of their values.
+    """Scale of INS ``s``'s velocities and accelerations in the window, from their second differences.
 
     Vibration comes within a second and is many times the stated sigma. ``scale`` (s, 13) and the window's
     ``rows.noise`` change in place.

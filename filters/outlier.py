@@ -1,7 +1,7 @@
 """The judgement of one value: how far off, how much weight, and the word for it.
 
-Weights follow IGG-III (Yang 1994; the robust adaptive filter of the wind papers uses the same): full weight up
-to SOFT sigma, then (SOFT/u) ((HARD − u)/(HARD − SOFT))², nothing from HARD on.
+Weights follow IGG-III (Yang 1994, *Robust estimation for dependent observations*): full weight up to SOFT
+sigma, then (SOFT/u) ((HARD − u)/(HARD − SOFT))², nothing from HARD on.
 """
 
 import math
@@ -44,16 +44,17 @@ def weight(u, soft, hard):
 
 @njit(cache=True)
 def same_run(refused, off, noise):
-    """Whether residual ``off`` may continue the run of the ``refused`` one before it; ``noise`` is 1-sigma."""
+    """Whether residual ``off`` may continue the run of the ``refused`` one beside it; ``noise``: 1-sigma."""
     return abs(refused) > AFTER * noise and abs(off - refused) < JUMP * math.sqrt(2.0) * noise
 
 
 @njit(cache=True)
-def label(sensor, channel, weight, off, verdict, reason, begin, end, run):
+def label(sensor, channel, weight, off, verdict, reason, begin, end, run, alone):
     """Name what was done with rows ``begin`` to ``end`` by their weights; fills ``verdict`` and ``reason``.
 
-    ``off`` are the residuals. ``run`` (s, 13, 2) is, for each channel up to ``begin``, the count of consecutive
-    outliers and the last one's residual; moved on to ``end``, in place.
+    ``off`` are the residuals. ``run`` (s, 13, 2) is, for each channel up to ``begin``, the count of
+    consecutive outliers and the last one's residual; moved on to ``end``, in place. ``alone`` (s,) says
+    which sensors had fewer than two others to contradict them.
     """
     for i in range(begin, end):
         s, c = sensor[i], channel[i]
@@ -73,5 +74,5 @@ def label(sensor, channel, weight, off, verdict, reason, begin, end, run):
                 left -= 1
                 if verdict[k] == PATCH:
                     left = 0
-                verdict[k], reason[k] = PATCH, IN_RUN
+                verdict[k], reason[k] = PATCH, AMBIGUOUS if alone[s] else IN_RUN
             k -= 1

@@ -20,7 +20,7 @@ MANY = 4  # rivals tried at most for jumps in one re-decision
 
 @njit(cache=True)
 def jumps(rows, begin, end, out):
-    """(k, 2) spans of rows i ≤ … < j that one channel may have been believed wrongly, by their first innovation."""
+    """(k, 2) spans i ≤ … < j over which a channel may have been believed wrongly, by its first innovation."""
     spans, size, found = np.zeros((MANY, 2), np.int64), np.zeros(MANY), 0
     for i in range(begin, end):
         z = out.v[i - begin] ** 2 / out.S[i - begin]
@@ -44,26 +44,35 @@ def jumps(rows, begin, end, out):
 
 
 def weights(rows, begin, end, out, sensors: int, deep: bool) -> list[tuple[np.ndarray, float]]:
-    """Starting weights (end − begin,) and margin of each rival story; ``deep`` asks for the costly ones too."""
-    weight, sensor, channel = rows.weight[begin:end], rows.sensor[begin:end], rows.channel[begin:end]
+    """Starting weights (end − begin,) and margin of each rival; ``deep`` asks for the costly ones too."""
+    weight = rows.weight[begin:end]
     found = []
     for i, j in jumps(rows, begin, end, out):
         other, span = weight.copy(), slice(i - begin, j - begin)
-        mine = (sensor[span] == rows.sensor[i]) & (rows.channel[i:j] == rows.channel[i])
+        mine = (rows.sensor[i:j] == rows.sensor[i]) & (rows.channel[i:j] == rows.channel[i])
         other[span][mine] = 0.0
         found.append((other, MARGIN))
     if deep:
-        refused = weight == 0.0
-        for s in range(sensors):
-            lost = np.zeros(end - begin, bool)
-            for c in np.unique(channel[sensor == s]):
-                mine = (sensor == s) & (channel == c)
-                if refused[mine].sum() > max(MOSTLY * mine.sum(), outlier.RUN):
-                    lost |= mine
-            if lost.any():
-                found.append((np.where(lost, 1.0, weight), DEEP_MARGIN))
+        for mine in lost(rows, begin, end, sensors):
+            found.append((np.where(mine, 1.0, weight), DEEP_MARGIN))
         if disagreement(rows, begin, end):
             found.append((np.ones(end - begin), DEEP_MARGIN))
+    return found
+
+
+def lost(rows, begin, end, sensors: int) -> list[np.ndarray]:
+    """Rows (end − begin,) bool of each sensor's channels that are mostly refused, for those that have any."""
+    sensor, channel = rows.sensor[begin:end], rows.channel[begin:end]
+    refused = rows.weight[begin:end] == 0.0
+    found = []
+    for s in range(sensors):
+        mine = np.zeros(end - begin, bool)
+        for c in np.unique(channel[sensor == s]):
+            one = (sensor == s) & (channel == c)
+            if refused[one].sum() > max(MOSTLY * one.sum(), outlier.RUN):
+                mine |= one
+        if mine.any():
+            found.append(mine)
     return found
 
 

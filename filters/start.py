@@ -79,7 +79,8 @@ def _crossing(model, a, ray_a, b, ray_b):
 def candidates(model, rows, begin, end, x, P) -> list[tuple[np.ndarray, np.ndarray]]:
     """States at the time of row ``begin`` around those fixes of the rows that most others support.
 
-    The systematic errors keep what ``x, P`` know of them.
+    Constant systematic errors keep what ``x, P`` know of them; the INS position error, which the lost state
+    may have been leaning on, is open again.
     """
     t_s = (rows.t[begin:end] - rows.t[begin]) * 1e-9
     found = []
@@ -96,11 +97,12 @@ def candidates(model, rows, begin, end, x, P) -> list[tuple[np.ndarray, np.ndarr
     apart = np.linalg.norm(where[:, None] - where, axis=2)
     reach = 3 * (sigma[:, None] + sigma) + SPEED_SIGMA_MPS * np.abs(when[:, None] - when)
     support = (apart <= reach).sum(axis=1)
+    known = CORE + np.flatnonzero(model.rate[CORE:] == 0.0)
     states = []
     for k in np.lexsort((sigma, -support))[:TRIED]:
         fresh_x, fresh_P = state(model, where[k], sigma[k] + SPEED_SIGMA_MPS * when[k] / WIDER)
-        fresh_x[CORE:] = x[CORE:]
-        fresh_P[CORE:, CORE:] = P[CORE:, CORE:]
+        fresh_x[known] = x[known]
+        fresh_P[np.ix_(known, known)] = P[np.ix_(known, known)]
         states.append((fresh_x, fresh_P))
     return states
 

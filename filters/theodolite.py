@@ -1,4 +1,4 @@
-"""What a theodolite sees: slant range, azimuth and elevation in its own ENU frame. Passive ones have no range.
+"""What a theodolite sees: slant range, azimuth, elevation in its own ENU frame; a passive one has no range.
 
 Refraction bends the line of sight: a target at distance d looks higher by k·d / (2 R_earth) radians.
 Source: Torge & Müller, *Geodesy* (2012), 5.1.1; k = 0.13 for light, 0.25 for radar (the 4/3-Earth rule).
@@ -20,7 +20,7 @@ CLOCK_SIGMA_S = 0.1  # prior of the clock offset: a PC synchronised over the net
 
 @njit(cache=True, fastmath=True)
 def observe(channel, p, bend):
-    """Range m, azimuth rad in (−π, π] or elevation rad of ``p`` (3,), sensor ENU; ``bend`` = k / (2 R_earth)."""
+    """Range m, azimuth rad in (−π, π] or elevation rad of ``p`` (3,), sensor ENU; ``bend`` = k/2R."""
     flat = math.hypot(p[0], p[1])
     if channel == RANGE:
         return math.hypot(flat, p[2])

@@ -27,12 +27,12 @@ def wrap(angle):
 @njit(cache=True, fastmath=True)
 def difference(channel, a, b):
     """a − b in the channel's units; angles the short way round."""
-    return wrap(a - b) if channel == AZIMUTH or channel == ELEVATION else a - b
+    return wrap(a - b) if channel in (AZIMUTH, ELEVATION) else a - b
 
 
 @njit(cache=True)
 def cholesky(C, L, d):
-    """Lower factor of the leading d×d block of ``C`` into ``L``; a lost digit on the diagonal counts as zero."""
+    """Lower factor of the leading d×d block of ``C`` into ``L``; a diagonal lost to rounding is zero."""
     for j in range(d):
         for i in range(j):
             L[i, j] = 0.0

@@ -1,6 +1,6 @@
-"""One pass ahead and one pass back over rows: the filter, the smoother and the verdict of all rows on each.
+"""One pass ahead and one back over rows: the filter, the smoother and what all rows say of each.
 
-Ahead: scalar sequential updates. Back: the modified Bryson-Frazier recursion in de Jong's form, which needs no
+Ahead: scalar sequential updates. Back: the modified Bryson-Frazier recursion in de Jong's form, without any
 inverse: r and N carry what the later rows say, x_smooth = x + P r, P_smooth = P − P N P.
 Sources: Bierman 1973 (*Fixed interval smoothing with discrete measurements*); de Jong 1989 (*Smoothing and
 interpolation with the state-space model*); de Jong & Penzer 1998 for the deletion residual: with
@@ -15,6 +15,18 @@ from numba import njit
 from filters.model import SLOTS, predict_row
 from filters.motion import CORE, predict, pull_back
 from filters.unscented import difference
+
+
+class Given(NamedTuple):
+    """What the passes have to know about rows in order of time; arrays (k,)."""
+
+    t: np.ndarray  # ns
+    sensor: np.ndarray
+    channel: np.ndarray
+    value: np.ndarray
+    noise: np.ndarray  # variance
+    jerk: np.ndarray  # density of the white jerk on the way to the row, m²/s⁵
+    weight: np.ndarray  # 0 … 1; the noise is divided by it
 
 
 class Trace(NamedTuple):
@@ -38,9 +50,19 @@ def trace(rows: int, n: int, keep: int) -> Trace:
     """Room for ``rows`` rows and ``n`` states, smoothed states for the first ``keep`` of the rows."""
     f = np.zeros
     return Trace(
-        f((rows, SLOTS), np.int64), f((rows, SLOTS)), f(rows, np.int64), f((rows, n)), f(rows), f(rows), f(rows),
-        f(rows), f(rows, np.bool_), f(rows, np.bool_), f((keep, n)), f((keep, n, n)),
-    )  # fmt: skip
+        index=f((rows, SLOTS), np.int64),
+        gain=f((rows, SLOTS)),
+        count=f(rows, np.int64),
+        m=f((rows, n)),
+        v=f(rows),
+        S=f(rows),
+        off=f(rows),
+        sigma=f(rows),
+        next=f(rows, np.bool_),
+        alike=f(rows, np.bool_),
+        x=f((keep, n)),
+        P=f((keep, n, n)),
+    )
 
 
 def scratch(n: int) -> np.ndarray:
@@ -61,37 +83,37 @@ def update(x, P, m, v, S):
 
 
 @njit(cache=True, fastmath=True)
-def ahead(model, t, sensor, channel, value, noise, jerk, weight, begin, end, x, P, t_ns, out, work):
+def ahead(model, rows, begin, end, x, P, t_ns, out, work):
     """Filter rows ``begin`` to ``end``, in place from ``x``, ``P`` at ``t_ns``; returns the time reached.
 
-    ``noise`` is each row's variance, to be divided by its ``weight``; ``jerk`` the density on the way to it.
+    ``rows`` is `Given`, or anything with the same columns.
     """
     n = x.size
     for i in range(begin, end):
         k = i - begin
-        if t[i] != t_ns or k == 0:
-            predict(x, P, (t[i] - t_ns) * 1e-9, jerk[i], model.rate, model.prior)
-            t_ns = t[i]
+        if rows.t[i] != t_ns or k == 0:
+            predict(x, P, (rows.t[i] - t_ns) * 1e-9, rows.jerk[i], model.rate, model.prior)
+            t_ns = rows.t[i]
             if k < out.x.shape[0]:
                 for a in range(n):
                     out.x[k, a] = x[a]
                     for b in range(n):
                         out.P[k, a, b] = P[a, b]
-        s, c = sensor[i], channel[i]
+        s, c = rows.sensor[i], rows.channel[i]
         m = out.m[k]
         seen, variance, out.count[k] = predict_row(model, s, c, x, P, out.index[k], out.gain[k], m, work)
-        out.v[k] = difference(c, value[i], seen)
-        out.S[k] = variance + noise[i]
-        if weight[i] > 0.0:
-            update(x, P, m, out.v[k], variance + noise[i] / weight[i])
+        out.v[k] = difference(c, rows.value[i], seen)
+        out.S[k] = variance + rows.noise[i]
+        if rows.weight[i] > 0.0:
+            update(x, P, m, out.v[k], variance + rows.noise[i] / rows.weight[i])
     return t_ns
 
 
 @njit(cache=True, fastmath=True)
-def back(model, t, noise, weight, begin, end, out, r, N, work):
-    """Hold every row against all others; ``r`` (n,), ``N`` (n, n) say what came after ``end``, in place.
+def back(model, rows, begin, end, out, r, N, work):
+    """Hold every row against all others; ``r`` (n,), ``N`` (n, n) say what came after, in place.
 
-    Fills ``out.off`` and ``out.sigma``, and smooths the states that ``out`` keeps. ``work`` as from `scratch`.
+    Fills ``out.off`` and ``out.sigma``, and smooths the states that ``out`` keeps. ``work``: see `scratch`.
     """
     n, Nm = r.size, work[0]
     for i in range(end - 1, begin - 1, -1):
@@ -105,8 +127,8 @@ def back(model, t, noise, weight, begin, end, out, r, N, work):
             Nm[a] = s
             mr += m[a] * r[a]
             mNm += m[a] * s
-        if weight[i] > 0.0:
-            spare = noise[i] / weight[i] - noise[i]
+        if rows.weight[i] > 0.0:
+            spare = rows.noise[i] / rows.weight[i] - rows.noise[i]
             S += spare
             e = (v - mr) / S
             D = 1.0 / S + mNm / (S * S)
@@ -116,11 +138,11 @@ def back(model, t, noise, weight, begin, end, out, r, N, work):
         else:
             out.off[k] = v - mr
             out.sigma[k] = np.sqrt(S - mNm)
-        if i == begin or t[i] != t[i - 1]:
+        if i == begin or rows.t[i] != rows.t[i - 1]:
             if k < out.x.shape[0]:
                 _smooth(out.x[k], out.P[k], r, N, work[1:])
             if i > begin:
-                pull_back(r, N, (t[i] - t[i - 1]) * 1e-9, model.rate)
+                pull_back(r, N, (rows.t[i] - rows.t[i - 1]) * 1e-9, model.rate)
 
 
 @njit(cache=True, fastmath=True)

@@ -26,6 +26,7 @@ StationFile = Annotated[
 Feeds = Annotated[
     tuple[str, ...], Parameter(consume_multiple=True, negative="", help="NAME=FILE.csv, one per instrument")
 ]
+Correction = Annotated[str, Parameter(help="the learned part: off, or a network that gcs train wrote")]
 Config = Annotated[
     tuple[str, ...],
     Parameter(consume_multiple=True, negative="", help="KEY=VALUE, any setting: ins.height_m=1.5"),
@@ -55,6 +56,7 @@ def replay(
     ] = False,
     publish: Annotated[bool, Parameter(negative="", help="publish the cleaned state on the bus")] = False,
     method: Annotated[str, Parameter(help="named estimator")] = "default",
+    correction: Correction = "off",
     config: Config = (),
 ) -> None:
     """After the flight: a tlog and ground-sensor feeds in, trajectory and verdicts out."""
@@ -64,10 +66,11 @@ def replay(
     from gcs import replay as driver
     from gcs.console import say
     from gcs.health import Files
+    from gcs.network import correction_of
     from gcs.record import stamp
     from gcs.sinks import new_session, open_bus, open_view, targets
 
-    resolved = configuration.load(station, config)
+    resolved, learned = configuration.load(station, config), correction_of(correction)
     loaded = driver.load(flight, resolved, _feed_paths(feed))
     folder = out or Path("logs/runs") / stamp(loaded.start_ns)
     playback = driver.Playback(loaded.start_ns, loaded.end_ns, _speed(speed))
@@ -81,7 +84,7 @@ def replay(
         def session():
             if shown:
                 shown.clear()
-            return new_session(resolved, loaded.frame, folder, method, targets(bus, shown), Files())
+            return new_session(resolved, loaded.frame, folder, method, targets(bus, shown), Files(), learned)
 
         _on_signal(playback.stop)
         summary = driver.run(loaded, session, playback, stay=view)
@@ -98,14 +101,38 @@ def run(
     out: Annotated[Path | None, Parameter(help="run folder; logs/runs/<now> by default")] = None,
     view: Annotated[bool, Parameter(help="show it in the browser")] = True,
     method: Annotated[str, Parameter(help="named estimator")] = "default",
+    correction: Correction = "off",
     seconds: Annotated[float | None, Parameter(help="end after so long")] = None,
     config: Config = (),
 ) -> None:
     """Live: MAVLink and ground sensors in over the bus, cleaned state out, view, recording."""
     from gcs import config as configuration
+    from gcs.network import correction_of
     from gcs.station import serve
 
-    serve(configuration.load(station, config), out, view, method, _stopped_after(seconds))
+    resolved, learned = configuration.load(station, config), correction_of(correction)
+    serve(resolved, out, view, method, _stopped(), seconds, correction=learned)
+
+
+@app.command
+def train(
+    *runs: Annotated[Path, Parameter(help="run folders with a truth.csv: t_ns,lat_deg,lon_deg,alt_m")],
+    out: Annotated[Path, Parameter(help="flights flown, network, report; the next start goes on from here")],
+    flights: Annotated[int, Parameter(help="simulated flights beside the run folders")] = 100,
+    seed: int = 0,
+    compare: Annotated[int, Parameter(help="trainings each of three kinds of start, for the report")] = 0,
+    install: Annotated[Path | None, Parameter(help="where a network that has earned it goes")] = None,
+    config: Config = (),
+) -> None:
+    """Train the correction network and test it on flights it has never seen."""
+    from filters.train import Plan
+    from gcs import config as configuration
+    from gcs import train as trainer
+    from gcs.console import say
+    from gcs.session import settings_of
+
+    settings = settings_of(configuration.load(None, config))
+    trainer.run(out, flights, list(runs), Plan(seed=seed), settings, compare, install, say)
 
 
 @app.command
@@ -121,7 +148,7 @@ def demo(
     """The sample flight with theodolites and a radar, live through Zenoh, in the browser."""
     from gcs import demo as demonstration
 
-    demonstration.run(_stopped_after(seconds), view, out, config)
+    demonstration.run(_stopped(), seconds, view, out, config)
 
 
 @app.command
@@ -146,7 +173,7 @@ def mavlink(
     from gcs import config as configuration
 
     resolved = configuration.load(station, config)
-    stop = _stopped_after(None)
+    stop = _stopped()
     with _bridge_bus(resolved) as bus:
         source.run(link or resolved.mavlink.link, resolved.vehicle.system_id, bus, stop)
 
@@ -188,10 +215,19 @@ def accuracy(
     method: Annotated[tuple[str, ...], Parameter(consume_multiple=True, negative="")] = ("default",),
     out: Path | None = None,
 ) -> None:
-    """Every case, or those named, over many seeds: error as a ratio to the filter that is told the outliers."""
+    """Every case, or those named, over many seeds; errors as ratios to the filter told the outliers."""
     from gcs.bench import accuracy as bench_accuracy
 
     bench_accuracy.run(seeds, first_seed, seconds, cases, method, out=out)
+
+
+@bench.command
+def papers() -> None:
+    """The papers' tables: what they report, ours, the baselines."""
+    from gcs.bench import show_m1, table
+
+    for each in show_m1.tables():
+        table.show(each)
 
 
 @bench.command(name="speed")
@@ -223,7 +259,7 @@ def _instrument(
     origin = file or _address(udp)
     with _bridge_bus(resolved) as bus:
         source = {"theodolite": theodolite, "radar": radar}[kind]
-        stop = _stopped_after(None)
+        stop = _stopped()
         source.run(bus, name, origin, stop, **({"speed": speed} if file else {}))
 
 
@@ -269,14 +305,10 @@ def _on_signal(action) -> None:
         signal.signal(number, lambda *_: action())
 
 
-def _stopped_after(seconds: float | None) -> threading.Event:
-    """An event that SIGINT, SIGTERM or the end of ``seconds`` sets."""
+def _stopped() -> threading.Event:
+    """An event that SIGINT or SIGTERM sets."""
     stop = threading.Event()
     _on_signal(stop.set)
-    if seconds is not None:
-        timer = threading.Timer(seconds, stop.set)
-        timer.daemon = True
-        timer.start()
     return stop
 
 

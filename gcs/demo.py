@@ -4,6 +4,7 @@ import socket
 import threading
 import time
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -21,16 +22,19 @@ AFTER_S = 2.0  # the last measurements are on their way for less than this
 READ = {"theodolite": theodolite.read, "radar": radar.read}
 
 
-def run(stop: threading.Event, view: bool, out: Path | None, overrides: tuple[str, ...]) -> None:
-    """Until the flight is over, and with the view until ``stop``."""
+def run(
+    stop: threading.Event, seconds: float | None, view: bool, out: Path | None, overrides: tuple[str, ...]
+) -> None:
+    """Until the flight is over or ``seconds`` have passed, and with the view until ``stop``."""
     if not FLIGHT.is_file():
         raise InputError(f"{FLIGHT}: the sample flight is not here; run the demo from a clone of the project")
     resolved = config.load(SAMPLE / "station.toml", overrides)
     say("theodolite and radar feeds are simulated from the flight's truth: see logs/sample/README.md")
-    station.serve(resolved, out, view, "default", stop, beside=lambda stack: _start(resolved, stack, stop))
+    feeds = partial(_start, resolved, stop)
+    station.serve(resolved, out, view, "default", stop, seconds, beside=feeds)
 
 
-def _start(resolved: config.Station, stack: ExitStack, stop: threading.Event) -> threading.Event:
+def _start(resolved: config.Station, stop: threading.Event, stack: ExitStack) -> threading.Event:
     """Start every feed at the same moment of the flight; returns the event that says it is over."""
     log = tlog.read(FLIGHT)
     begin_ns = int(tlog.ins(log, resolved.vehicle.system_id)["t_ns"].min())

@@ -47,18 +47,15 @@ def _checks(station_file: Path | None, overrides: tuple[str, ...]) -> Iterator[t
         "station file",
         f"{station_file or 'defaults'}: {station.range.name}/{station.vehicle.name}, {sensors}",
     )
+    origin = station.range.origin
     yield (
-        station.range.origin is not None,
+        origin is not None,
         "origin",
-        "[range] origin is set"
-        if station.range.origin
-        else ("[range] origin is missing: live operation needs it"),
+        "is set" if origin else "[range] origin is missing: live operation needs it",
     )
-    yield (
-        _port_free(station.view.port),
-        "view port",
-        f"127.0.0.1:{station.view.port}; in use: set [view] port",
-    )
+    free = _port_free(station.view.port)
+    where = f"127.0.0.1:{station.view.port}"
+    yield free, "view port", f"{where} is free" if free else f"{where} is in use: set [view] port"
     yield from _bus(station)
     yield from _clock()
     free_gb = shutil.disk_usage(Path.cwd()).free / 1e9

@@ -3,12 +3,13 @@
 measurements → intake → align → estimator → air → ledger → sinks
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from filters import estimator, outlier
+from filters.correction import off
 from gcs.air import Air
 from gcs.align import Align
 from gcs.config import Station
@@ -42,12 +43,19 @@ class Sink(Protocol):
 class Session:
     """One flight, from its first measurement to its summary."""
 
-    def __init__(self, station: Station, frame: Frame, sinks: Sequence[Sink], method: str = "default"):
+    def __init__(
+        self,
+        station: Station,
+        frame: Frame,
+        sinks: Sequence[Sink],
+        method: str = "default",
+        correction: Callable = off,
+    ):
         self.sensors = sensors_of(station, frame)
         self.ledger = Ledger([sensor.name for sensor in self.sensors], outlier.REASONS)
         self.intake = Intake(station, frame, self.ledger)
         self.align = Align(station.align.hold_s)
-        self.estimator = _make_estimator(method, self.sensors, station)
+        self.estimator = _make_estimator(method, self.sensors, station, correction)
         self.air = Air()
         self.sinks = sinks
         self._judged: list[np.ndarray] = []
@@ -104,12 +112,18 @@ class Session:
             sink.take(update)
 
 
-def _make_estimator(method: str, sensors: list, station: Station):
+def settings_of(station: Station) -> estimator.Settings:
+    """The filter's settings as the station file has them. Raises InputError for a name that is none."""
     try:
-        return estimator.make(method, sensors, estimator.Settings(**station.filter))
+        return estimator.Settings(**station.filter)
     except TypeError:
         valid = estimator.Settings._fields
         unknown = ", ".join(sorted(set(station.filter) - set(valid)))
         raise InputError(f"[filter]: unknown name {unknown}; valid names are {', '.join(valid)}") from None
+
+
+def _make_estimator(method: str, sensors: list, station: Station, correction: Callable):
+    try:
+        return estimator.make(method, sensors, settings_of(station), correction)
     except ValueError as error:
         raise InputError(str(error)) from None

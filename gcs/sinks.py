@@ -1,8 +1,9 @@
 """Puts the sinks of one run together: the record, the bus, the view, the terminal."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from filters.correction import off
 from gcs.config import Station
 from gcs.console import Console
 from gcs.frames import Frame, scene
@@ -48,12 +49,13 @@ def new_session(
     method: str,
     send_to: Sequence[Target],
     feeds: Feeds,
+    correction: Callable = off,
 ) -> Session:
     """A session with its sinks, compiled and ready for the first measurement."""
     sinks: list[Sink] = [Record(out, station, frame), Console()]
     if send_to:
         names = ["ins", *(sensor.name for sensor in station.sensor)]
         sinks.append(Publisher(frame, Monitor(names, feeds), send_to))
-    session = Session(station, frame, sinks, method)
+    session = Session(station, frame, sinks, method, correction)
     session.estimator.warm_up()
     return session

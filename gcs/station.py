@@ -7,6 +7,7 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 
+from filters.correction import off
 from gcs import live, messages
 from gcs.config import Station
 from gcs.console import say
@@ -43,9 +44,11 @@ def serve(
     view: bool,
     method: str,
     stop: threading.Event,
+    seconds: float | None = None,
     beside: Callable[[ExitStack], threading.Event] | None = None,
+    correction: Callable = off,
 ) -> None:
-    """Run until ``stop``.
+    """Run until ``stop``, or for ``seconds`` from when the station is ready.
 
     ``beside`` is called when the station is ready: the demo starts its feeds there, and returns an event that
     says when they are over.
@@ -61,7 +64,7 @@ def serve(
             stack.callback(shown.close)
         say("compiling the filter (once; cached for the next start)")
         feeds = live.BusFeeds(bus)
-        session = new_session(station, frame, folder, method, targets(bus, shown), feeds)
+        session = new_session(station, frame, folder, method, targets(bus, shown), feeds, correction)
         still = scene(station, frame)
         bus.publish("scene", still)
         bus.serve("scene", lambda: messages.encode(still))
@@ -74,6 +77,10 @@ def serve(
         say(f"bus: {station.bus.endpoint}   keys: {station.range.name}/{station.vehicle.name}/…")
         if shown:
             say(f"view: {shown.url}   (Ctrl-C ends)")
+        if seconds is not None:
+            timer = threading.Timer(seconds, stop.set)
+            timer.daemon = True
+            timer.start()
         live.run(session, feeds, beside(stack) if beside else stop)
         if shown and not stop.is_set():
             say("the flight is over; the view stays until Ctrl-C")

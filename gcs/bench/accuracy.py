@@ -65,12 +65,14 @@ def summary(case: Case, method: str, runs: list[dict]) -> dict:
     figures = {
         **_spread("ratio", [r["ratio"] for r in runs]),
         **_spread("smoothed", [r["smoothed"] for r in runs]),
+        "rms_m": float(np.median([r["rms_m"] for r in runs])),
         "oracle_rms_m": float(np.median([r["oracle_rms_m"] for r in runs])),
         "lost": sum(r["lost"] for r in runs),
         "found_isolated": _share(*found["isolated"]),
         "found_patch": _share(*found["patch"]),
         "false_per_10000": 1e4 * _share(*found["false"]),
         "nees_mean": float(nees.mean()),
+        "oracle_nees": float(np.mean([r["oracle_nees"] for r in runs])),
         "nees_in_band": float(np.mean(np.abs(nees - 1.0) <= half)),
         "nis_in_band": float(np.mean(inside)),
     }

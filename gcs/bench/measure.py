@@ -14,9 +14,10 @@ LATE_S, ARRIVAL_S = 0.8, 0.1  # largest delay; arrivals are handed over so often
 
 
 def measure(case: Case, seed: int, seconds: float, methods: Sequence[str]) -> dict[str, dict]:
-    """Figures of one flight, by method. The oracle: no judgement, over the rows that are no outliers."""
+    """Figures of one flight, by method. The oracle: the default without judgement, over the good rows."""
     flight = fly(case, seed, seconds)
-    oracle = follow("ukf", flight.sensors, flight.rows[flight.labels == simulate.NONE])
+    trusting = estimator.make("default", flight.sensors, estimator.Settings(soft=np.inf, hard=np.inf))
+    oracle = follow(trusting, flight.rows[flight.labels == simulate.NONE])
     return {method: _figures(case, flight, oracle, method, seed, seconds) for method in methods}
 
 
@@ -37,9 +38,8 @@ def make(method: str, sensors):
     return estimator.make(method, sensors)
 
 
-def follow(method: str, sensors, rows: np.ndarray, ends: np.ndarray | None = None) -> Run:
-    """Run ``rows``, all at once or in the parts that stop at ``ends``."""
-    one = make(method, sensors)
+def follow(one, rows: np.ndarray, ends: np.ndarray | None = None) -> Run:
+    """Run ``rows`` through a fresh estimator, all at once or in the parts that stop at ``ends``."""
     steps = [one.step(part) for part in (np.split(rows, ends) if ends is not None else [rows])]
     steps.append(one.finish())
     track, left, verdicts = (np.concatenate(column) for column in zip(*steps, strict=True))
@@ -47,7 +47,7 @@ def follow(method: str, sensors, rows: np.ndarray, ends: np.ndarray | None = Non
 
 
 def _figures(case: Case, flight: Flight, oracle: Run, method: str, seed: int, seconds: float) -> dict:
-    run = follow(method, flight.sensors, flight.rows)
+    run = follow(make(method, flight.sensors), flight.rows)
     t_ns = score.epochs(run.track, oracle.track, flight.truth)
     error_m = score.distance_m(run.track, flight.truth, t_ns)
     smoothed_m, oracle_m, oracle_smoothed_m = (
@@ -66,6 +66,7 @@ def _figures(case: Case, flight: Flight, oracle: Run, method: str, seed: int, se
         "seen": score.detection(flight, run.verdicts),
         "nis": score.nis(run.report),
         "nees": score.nees(run.track, flight.truth),
+        "oracle_nees": float(np.mean(score.nees(oracle.track, flight.truth))) / 3.0,
         "patches": score.patches(flight, run.track, oracle.track),
     }
     if case.wrong != simulate.NO_ERRORS:
@@ -85,7 +86,7 @@ def _late_m(case: Case, flight: Flight, run: Run, method: str, seed: int) -> flo
     arrival_s = (flight.rows["t_ns"] - simulate.T0_NS) * 1e-9 + delay_s
     order = np.argsort(arrival_s, kind="stable")
     ends = np.flatnonzero(np.diff(arrival_s[order] // ARRIVAL_S)) + 1
-    late = follow(method, flight.sensors, flight.rows[order], ends)
+    late = follow(make(method, flight.sensors), flight.rows[order], ends)
     if len(late.left) != len(run.left):
         return float("inf")
     return float(np.abs(late.left["x"] - run.left["x"]).max())

@@ -66,8 +66,8 @@ def _follow(model, t_s, shots, x, P, index, gain, m, work):
 
 def eigen(task: Task) -> Timed | None:
     """``ukf.cpp``; None without a C++ compiler or Eigen's headers."""
-    program = _compiled()
-    if program is None:
+    folder = _compiled()
+    if folder is None:
         return None
     numbers = np.concatenate(
         [
@@ -75,19 +75,22 @@ def eigen(task: Task) -> Timed | None:
             np.column_stack([task.t_s, task.shots]).ravel(),
         ]
     )  # fmt: skip
-    said = subprocess.run([program], input=numbers.tobytes(), capture_output=True, check=True).stdout.split()
+    said = subprocess.run(
+        [f"{folder.name}/ukf"], input=numbers.tobytes(), capture_output=True, check=True
+    ).stdout.split()
     return Timed(float(said[0]), np.array(said[1:], float))
 
 
 @cache
-def _compiled() -> Path | None:
+def _compiled() -> tempfile.TemporaryDirectory | None:
+    """The folder that holds the program ``ukf``; it goes when the process ends."""
     compiler, headers = shutil.which("g++"), next((p for p in EIGEN if Path(p).is_dir()), None)
     if not compiler or not headers:
         return None
-    program = Path(tempfile.mkdtemp(prefix="gcs-bench-")) / "ukf"
+    folder = tempfile.TemporaryDirectory(prefix="gcs-bench-")
     source = Path(__file__).with_name("ukf.cpp")
-    subprocess.run([compiler, *OPTIONS, f"-I{headers}", source, "-o", program], check=True)
-    return program
+    subprocess.run([compiler, *OPTIONS, f"-I{headers}", source, "-o", f"{folder.name}/ukf"], check=True)
+    return folder
 
 
 def filterpy(task: Task) -> Timed:

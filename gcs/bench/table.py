@@ -12,9 +12,10 @@ from gcs.record import stamp
 
 WIDE = 180  # columns where there is no terminal
 COLUMNS = {
-    "ratio_median": "error / oracle", "ratio_worst": "worst", "smoothed_median": "smoothed",
+    "rms_m": "rms m", "ratio_median": "/ oracle", "ratio_worst": "worst", "smoothed_median": "smoothed",
     "smoothed_worst": "worst", "lost": "lost", "found_isolated": "isolated found", "found_patch": "in runs",
-    "false_per_10000": "false of 10⁴", "nees_mean": "NEES", "nis_in_band": "NIS in band",
+    "false_per_10000": "false of 10⁴", "nees_mean": "NEES", "oracle_nees": "of the oracle",
+    "nees_in_band": "in band", "nis_in_band": "NIS in band",
     "during_median": "during", "during_worst": "worst", "back_median_s": "back after s",
     "back_worst_s": "worst",
     "beside_median": "beside straight", "beside_worst": "worst", "within_3": "within 3σ",

@@ -1,4 +1,4 @@
-"""The textbook: an unscented Kalman filter with all 2n + 1 sigma points, in plain numpy, one scalar at a time.
+"""The textbook: an unscented Kalman filter with all 2n + 1 sigma points, in plain numpy, scalar by scalar.
 
 Julier & Uhlmann 2004, *Unscented filtering and nonlinear estimation*; α = 1, β = 0, κ = 3 − n.
 """

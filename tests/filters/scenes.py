@@ -24,10 +24,23 @@ def sensors(names=("ins", *SITES), estimate=()) -> list[Sensor]:
     return out
 
 
-def scene(seed, share=0.0, seconds=40.0, level="aggressive", names=("ins", *SITES), estimate=(), errors=None):
-    """(truth, sensors, rows (k,) ROW in order of time, labels (k,))."""
+def scene(
+    seed,
+    share=0.0,
+    seconds=40.0,
+    level="aggressive",
+    names=("ins", *SITES),
+    estimate=(),
+    errors=None,
+    patch=None,
+    start=(0.0, 0.0, 120.0),
+):
+    """(truth, sensors, rows (k,) ROW in order of time, labels (k,)).
+
+    ``patch`` is (kind, sensor's name, start s, duration s, size in sigmas).
+    """
     rng = np.random.default_rng(seed)
-    truth = scenario.flight(seconds, 100.0, level, rng)
+    truth = scenario.flight(seconds, 100.0, level, rng, start)
     used, rows, labels = sensors(names, estimate), [], []
     for s, sensor in enumerate(used):
         if sensor.kind == "ins":
@@ -36,6 +49,11 @@ def scene(seed, share=0.0, seconds=40.0, level="aggressive", names=("ins", *SITE
             seen = simulate.instrument(
                 truth, sensor, 20.0, rng, (errors or {}).get(sensor.name, simulate.NO_ERRORS)
             )
+            if patch and patch[1] == sensor.name:
+                kind, _, begin, length, size = patch
+                sigma = sensor.sigma[seen.channels]
+                there = tuple(np.flatnonzero(np.isfinite(sigma)))
+                seen = simulate.patch(seen, np.nan_to_num(sigma), kind, begin, length, rng, there, size)
             if share:
                 seen = simulate.contaminate(seen, sensor.sigma[seen.channels], rng, share)
         block = np.zeros(seen.values.size, ROW)
@@ -72,6 +90,6 @@ def error_m(track, truth, skip_s=5.0):
 
 
 def oracle(used, rows, labels, **settings):
-    """The same filter told which values are outliers: (estimator, its track)."""
-    estimator = make("ukf", used, Settings(**settings))
+    """The same estimator told which values are outliers: (estimator, its track)."""
+    estimator = make("default", used, Settings(hard=np.inf, soft=np.inf, **settings))
     return estimator, run(estimator, rows[labels == 0])[0]

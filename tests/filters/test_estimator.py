@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 
-from filters import simulate
+from filters import model, simulate, window
 from filters.estimator import make
+from filters.outlier import REASONS
 from filters.rows import CHANNELS, DUPLICATE, INVALID, LATE, ROW
+from tests.filters import full_ukf
 from tests.filters.scenes import error_m, oracle, run, scene, sensors
 
 
@@ -38,7 +40,7 @@ def test_bad_rows_get_their_word():
 
 def test_batches_do_not_matter():
     _, used, rows, _ = scene(3, share=0.04, seconds=15)
-    whole, smoothed, verdicts = run(make("default", used), rows)
+    whole, smoothed, _ = run(make("default", used), rows)
     for batch in (37, 400):
         ends = np.flatnonzero(np.diff(rows["t_ns"])) + 1
         cuts = ends[batch // 4 :: max(1, batch // 4)]
@@ -94,3 +96,91 @@ def test_four_percent_outliers_cost_next_to_nothing():
     best = oracle(used, rows, labels)[1]
     track, *_ = run(make("default", used), rows)
     assert np.sqrt(np.mean(error_m(track, truth) ** 2)) < 1.3 * np.sqrt(np.mean(error_m(best, truth) ** 2))
+
+
+def test_smoothing_equals_the_textbook_on_a_linear_problem():
+    """Deletion residuals and smoothed states by brute force: one big joint Gaussian, row by row."""
+    rng = np.random.default_rng(0)
+    used = sensors(["ins"])
+    built = model.build(used, 10.0, 2.5, 90.0)
+    built = built._replace(bias_at=np.full_like(built.bias_at, -1), clock_at=np.full_like(built.clock_at, -1))
+    n, rows = len(built.prior), 12
+    given = window.Given(
+        t=np.arange(rows) // 3 * 100_000_000,
+        sensor=np.zeros(rows, np.int64),
+        channel=np.tile([4, 8, 12], 4),
+        value=rng.normal(size=rows),
+        noise=np.full(rows, 0.5),
+        jerk=np.full(rows, 10.0),
+        weight=np.where(np.arange(rows) == 7, 0.0, 1.0),
+    )
+    x0, P0 = np.zeros(n), np.diag(np.r_[np.ones(9), built.prior[9:]])
+    out, work = window.trace(rows, n, rows), window.scratch(n)
+    window.ahead(built, given, 0, rows, x0.copy(), P0.copy(), 0, out, work)
+    window.back(built, given, 0, rows, out, np.zeros(n), np.zeros((n, n)), work)
+    F, Q = full_ukf.transition(0.1)
+    blocks = [P0[:9, :9]]
+    for _ in range(3):
+        blocks.append(F @ blocks[-1] @ F.T + 10.0 * Q)
+    joint = np.zeros((36, 36))
+    for i in range(4):
+        for j in range(i, 4):
+            joint[9 * i : 9 * i + 9, 9 * j : 9 * j + 9] = blocks[i] @ np.linalg.matrix_power(F, j - i).T
+    joint = np.triu(joint) + np.triu(joint, 1).T
+    for i in range(4):
+        joint[9 * i : 9 * i + 9, 9 * i : 9 * i + 9] = blocks[i]
+    H = np.zeros((rows, 36))
+    H[np.arange(rows), 9 * (np.arange(rows) // 3) + np.tile([0, 4, 8], 4)] = 1.0
+    for row in range(rows):
+        others = (np.arange(rows) != row) & (given.weight > 0)
+        K = joint @ H[others].T @ np.linalg.inv(H[others] @ joint @ H[others].T + 0.5 * np.eye(others.sum()))
+        x, P = K @ given.value[others], joint - K @ H[others] @ joint
+        assert out.off[row] == pytest.approx(given.value[row] - H[row] @ x)
+        assert out.sigma[row] ** 2 == pytest.approx(H[row] @ P @ H[row] + 0.5)
+    K = joint @ H[given.weight > 0].T
+    K = K @ np.linalg.inv(H[given.weight > 0] @ K + 0.5 * np.eye(11))
+    x, P = K @ given.value[given.weight > 0], joint - K @ H[given.weight > 0] @ joint
+    for epoch in range(4):
+        part = slice(9 * epoch, 9 * epoch + 9)
+        assert np.allclose(out.x[3 * epoch, :9], x[part])
+        assert np.allclose(out.P[3 * epoch, :9, :9], P[part, part])
+
+
+@pytest.mark.parametrize("kind", ["offset", "frozen", "noise"])
+def test_a_long_patch_on_one_theodolite_is_left_out(kind):
+    truth, used, rows, labels = scene(9, seconds=25.0, patch=(kind, "theo-a", 12.0, 8.0, 30.0))
+    best = oracle(used, rows, labels)[1]
+    track, *_ = run(make("default", used), rows)
+    mine, told = (np.sqrt(np.mean(error_m(t, truth, 12.0) ** 2)) for t in (track, best))
+    assert mine < 2.0 * told
+
+
+def test_systematic_errors_are_recovered_within_their_sigma():
+    wrong = simulate.Errors(zero=(5.0, np.radians(0.05), 0.0, 0.0), clock_offset_s=0.12)
+    _, used, rows, _ = scene(10, seconds=60.0, estimate=("bias", "clock"), errors={"theo-a": wrong})
+    estimator = make("default", used)
+    run(estimator, rows)
+    found = estimator.report()["sensors"]["theo-a"]["errors"]
+    for name, true in {"range": 5.0, "azimuth": np.radians(0.05), "elevation": 0.0, "clock": 0.12}.items():
+        assert abs(found[name]["value"] - true) < 3.5 * found[name]["sigma"]
+
+
+def test_total_disagreement_begins_again_and_says_so():
+    _, used, rows, _ = scene(11, seconds=20.0, level="gentle")
+    later = rows["t_ns"] > simulate.T0_NS + 10 * 10**9
+    _, _, elsewhere, _ = scene(12, seconds=20.0, level="gentle", start=(400.0, 300.0, 200.0))
+    there = elsewhere["t_ns"] > simulate.T0_NS + 10 * 10**9
+    jump = np.concatenate([rows[~later], elsewhere[there]])
+    jump["id"] = np.arange(len(jump))
+    estimator = make("default", used)
+    track, *_ = run(estimator, jump)
+    assert track["reset_counter"][-1] == 1
+    assert "refused" in estimator.report()["resets"][0]["reason"]
+
+
+def test_a_run_that_only_one_other_contradicts_is_ambiguous():
+    _, used, rows, _ = scene(
+        13, seconds=20.0, names=("ins", "theo-a"), patch=("offset", "theo-a", 12.0, 1.0, 60.0)
+    )
+    *_, verdicts = run(make("default", used), rows)
+    assert REASONS.index("ambiguous") in verdicts["reason"]

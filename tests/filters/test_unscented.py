@@ -86,20 +86,8 @@ def test_a_whole_flight_equals_filterpy():
     x, P = x0.copy(), P0.copy()
     columns = [np.ascontiguousarray(rows[name]) for name in ("t_ns", "sensor", "channel", "value")]
     noise = built.variance[rows["sensor"], rows["channel"]]
-    window.ahead(
-        built,
-        *columns,
-        noise,
-        np.full(len(rows), built.jerk_psd),
-        np.ones(len(rows)),
-        0,
-        len(rows),
-        x,
-        P,
-        int(rows["t_ns"][0]),
-        out,
-        window.scratch(9),
-    )
+    given = window.Given(*columns, noise, np.full(len(rows), built.jerk_psd), np.ones(len(rows)))
+    window.ahead(built, given, 0, len(rows), x, P, int(rows["t_ns"][0]), out, window.scratch(9))
     now = rows["t_ns"][0]
     for row in rows:
         if row["t_ns"] != now:
@@ -117,8 +105,8 @@ def test_a_whole_flight_equals_filterpy():
             R=np.array([[sensor.sigma[channel] ** 2]]),
             hx=lambda y, s=sensor, c=channel, near=near: near(np.array([full_ukf.value(s, c, y)])),
         )
-    assert np.allclose(x, theirs.x, rtol=0, atol=1e-9 * 1e3)
-    assert np.allclose(P, theirs.P, rtol=0, atol=1e-9)
+    assert np.allclose(x, theirs.x, rtol=1e-9, atol=1e-9)
+    assert np.allclose(P, theirs.P, rtol=1e-9, atol=1e-9)
 
 
 def test_motion_equals_van_loan():

@@ -77,7 +77,7 @@ def test_the_wind_is_found_and_compared(flown):
 
 
 def test_air_data_carry_on_where_positions_end(flown):
-    track, air, position, rows, told, one = flown
+    _, air, position, rows, _, _ = flown
     gone = (rows["t_ns"] > T0_NS + 64 * S_NS) & (rows["t_ns"] < T0_NS + 119 * S_NS)
     reckoned = rows[gone]
     assert len(reckoned) == pytest.approx(550, abs=5)

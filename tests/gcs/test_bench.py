@@ -10,7 +10,7 @@ from filters import scenario, simulate
 from filters.rows import ISOLATED, ROW, TRACK, USED, VERDICT
 from gcs.bench import accuracy, peers, score, speed
 from gcs.bench.cases import CASES, WRONG
-from gcs.bench.measure import follow, measure
+from gcs.bench.measure import follow, make, measure
 from gcs.bench.scene import Case, Flight, Patch, fly
 from gcs.messages import InputError
 
@@ -183,5 +183,5 @@ def textbook(work):
 def test_follow_takes_parts_as_well():
     flight = fly(Case("x", 1), 6, 8.0)
     ends = np.flatnonzero(np.diff(flight.rows["t_ns"]))[::50] + 1
-    whole, parts = (follow("ukf", flight.sensors, flight.rows, e) for e in (None, ends))
+    whole, parts = (follow(make("ukf", flight.sensors), flight.rows, e) for e in (None, ends))
     assert np.array_equal(whole.track["x"], parts.track["x"])

@@ -1,11 +1,10 @@
 """The page in headless Chromium: what is on it, and what its buttons do.
 
-Skipped where Chromium or Playwright is missing, unless GCS_REQUIRE_BROWSER is set.
+Skipped where Chromium or Playwright is missing.
 """
 
 import importlib.util
 import math
-import os
 import re
 import socket
 import time
@@ -26,9 +25,7 @@ MISSING = [
     )
     if not found
 ]
-pytestmark = pytest.mark.skipif(
-    bool(MISSING) and "GCS_REQUIRE_BROWSER" not in os.environ, reason=f"needs {' and '.join(MISSING)}"
-)
+pytestmark = pytest.mark.skipif(bool(MISSING), reason=f"needs {' and '.join(MISSING)}")
 
 
 class Tape:
