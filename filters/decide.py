@@ -24,8 +24,8 @@ def admit(model, rows, begin, end, x, P, t_ns, jerk, variance, run, soft, hard, 
     the sensors vote at the same instant. ``jerk`` and
     ``variance`` (s, 13) are those of motion and noise now, ``run`` each channel's `outlier.label` state; a
     ``patient`` filter, one that decides again later, is stricter within a run. The predicted state goes to
-    ``out.x[0]``, ``out.P[0]``. Returns whether a row was used that ties the state down: any but an acceleration,
-    or a range rate alone.
+    ``out.x[0]``, ``out.P[0]``. Returns whether a row was used that ties the state down: any but an
+    acceleration or a range rate.
     """
     predict(x, P, (rows.t[begin] - t_ns) * 1e-9, jerk, model.rate, model.prior)
     out.x[0], out.P[0] = x, P

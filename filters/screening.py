@@ -57,7 +57,7 @@ class Screened(NamedTuple):
     restarts: int
 
 
-class _State(NamedTuple):
+class State(NamedTuple):
     """All that one channel remembers; arrays, changed in place."""
 
     t: np.ndarray  # (window,) s, the last good values (any while starting), oldest first
@@ -76,12 +76,12 @@ class Channel:
     """One channel as it comes in. ``step`` gives what ``screen`` gives for the whole column."""
 
     def __init__(self, settings: Settings, method: str = METHODS[0]):
-        self._settings, self._method = _plain(settings), _choice(method)
+        self._settings, self._method = plain(settings), _choice(method)
         self._state = _new(settings)
 
     def step(self, t_s: float, value: float) -> tuple[int, float, float, float]:
         """(flag, predicted, cleaned, sigma) of one value, at ``t_s`` seconds after the one before."""
-        return _step(self._state, t_s, value, self._settings, *self._method)
+        return step(self._state, t_s, value, self._settings, *self._method)
 
     @property
     def restarts(self) -> int:
@@ -99,7 +99,7 @@ def screen(t_s: np.ndarray, values: np.ndarray, settings: Settings, method: str 
         state,
         np.asarray(t_s, float),
         np.asarray(values, float),
-        _plain(settings),
+        plain(settings),
         *_choice(method),
         out,
     )
@@ -113,27 +113,27 @@ def _choice(method: str) -> tuple[bool, bool]:
     return method.startswith("linear"), method.endswith("adaptive")
 
 
-def _plain(settings: Settings) -> Settings:
+def plain(settings: Settings) -> Settings:
     """Floats and one int: one compiled version for all."""
     return Settings(*map(float, settings))._replace(window=int(settings.window))
 
 
-def _new(settings: Settings) -> _State:
+def _new(settings: Settings) -> State:
     n = settings.window
     track = np.array([0.0, 0.0, settings.sigma])
-    return _State(np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n, np.bool_), np.zeros(4, np.int64), track)
+    return State(np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n, np.bool_), np.zeros(4, np.int64), track)
 
 
 @njit(cache=True)
 def _column(state, t, values, settings, linear, adaptive, out):
     for k in range(len(values)):
-        out.flag[k], out.predicted[k], out.cleaned[k], out.sigma[k] = _step(
+        out.flag[k], out.predicted[k], out.cleaned[k], out.sigma[k] = step(
             state, t[k], values[k], settings, linear, adaptive
         )
 
 
 @njit(cache=True)
-def _step(state, t, value, settings, linear, adaptive):
+def step(state, t, value, settings, linear, adaptive):
     """Judge one value. Returns (flag, predicted, cleaned, sigma)."""
     period = settings.period
     reach = settings.reach if state.count[HELD] >= len(state.t) else min(settings.reach, YOUNG_REACH)

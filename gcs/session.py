@@ -1,6 +1,6 @@
 """The loop, the same for live and replay.
 
-measurements → intake → align → estimator → air → ledger → sinks
+measurements → intake → align → witness, estimator → air → ledger → sinks
 """
 
 from collections.abc import Callable, Sequence
@@ -10,6 +10,7 @@ import numpy as np
 
 from filters import estimator, outlier
 from filters.correction import off
+from filters.witness import Nobody, Witness
 from gcs.air import Air
 from gcs.align import Align
 from gcs.config import Station
@@ -56,6 +57,7 @@ class Session:
         self.intake = Intake(station, frame, self.ledger)
         self.align = Align(station.align.hold_s)
         self.estimator = _make_estimator(method, self.sensors, station, correction)
+        self.witness = Witness(self.sensors) if station.screening.on else Nobody()
         self.air = Air()
         self.sinks = sinks
         self._judged: list[np.ndarray] = []
@@ -78,6 +80,7 @@ class Session:
                 repeats, "duplicate", self.ledger.reason("this channel already has a value at this time")
             )
         )
+        self.ledger.doubt(rows["id"][self.witness.doubts(rows)])  # each channel by itself
         step = self.estimator.step(rows)  # state and verdicts
         track, told = self.air.step(step.track, upto_ns)  # wind, or dead reckoning
         self._hand_on(step._replace(track=track), told)
@@ -98,6 +101,7 @@ class Session:
         """Counts by verdict of every sensor and channel, and the estimator's own report."""
         return {
             "verdicts": self.ledger.count_table(),
+            "doubted_by_screening": self.ledger.count_table(doubted=True),
             "height": {"geoid_separation_from": self.intake.separation_source},
             "estimator": self.estimator.report(),
             "wind": self.air.report(),
