@@ -52,13 +52,19 @@ class Score(NamedTuple):
 
 
 def flight_ranges() -> tuple[np.ndarray, np.ndarray]:
-    """(n,) seconds and (n,) metres: past the radar, a half turn, and back."""
+    """(n,) seconds and (n,) metres."""
+    x, y = flight_path()
+    return np.arange(POINTS) / RATE_HZ, np.sqrt(x**2 + y**2 + HEIGHT_M**2)
+
+
+def flight_path() -> tuple[np.ndarray, np.ndarray]:
+    """(n,) and (n,) metres over ground from the radar: past it, a half turn, and back."""
     t_s = np.arange(POINTS) / RATE_HZ
     begin_s = (IN_M + OUT_M) / SPEED_MPS
     heading = np.clip((t_s - begin_s) * TURN_RADPS, 0.0, np.pi)
     x = -IN_M + np.cumsum(np.cos(heading)) * SPEED_MPS / RATE_HZ
     y = NEAR_M + np.cumsum(np.sin(heading)) * SPEED_MPS / RATE_HZ
-    return t_s, np.sqrt(x**2 + y**2 + HEIGHT_M**2)
+    return x, y
 
 
 def record(seed: int, size: tuple[float, float] = SIZE, regular: bool = False) -> Record:

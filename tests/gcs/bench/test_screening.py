@@ -5,6 +5,7 @@ import pytest
 
 from filters import simulate
 from gcs.bench import screening
+from gcs.bench.joined import joined
 
 
 def test_record_has_the_papers_statistics():
@@ -36,3 +37,10 @@ def test_the_adaptive_threshold_has_fewer_false_alarms():
         screening.score(made, f"linear-{kind}", threshold=4.0) for kind in ("fixed", "adaptive")
     )
     assert adaptive.false_alarms < fixed.false_alarms / 2
+
+
+def test_joined_with_the_trajectory_filter_no_run_goes_through():
+    found = joined(0, points=2500)
+    assert found.either[1] >= 0.99
+    assert found.either[2] >= 0.99
+    assert found.trajectory[2] >= 0.99
