@@ -53,6 +53,10 @@ class Instrument(NamedTuple):
 def read_truth(path: Path, boot_to_utc_ns: int | None = None) -> np.ndarray:
     """(n,) ``TRUTH``. Raises ``FeedError`` for a file that is none."""
     path = Path(path)
+    if not path.is_file():
+        raise feed.FeedError(
+            f"{path}: no such file; name a truth CSV with t_ns or TimeUS, lat_deg, lon_deg, alt_m"
+        )
     opened = gzip.open if path.suffix == ".gz" else open
     with opened(path, "rt", encoding="utf-8", newline="") as file:
         lines = csv.DictReader(file)

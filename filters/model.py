@@ -40,17 +40,17 @@ def build(
     bias_at = np.full((len(sensors), len(CHANNELS)), -1)
     clock_at = np.full(len(sensors), -1)
     rate, prior = [0.0] * motion.CORE, [0.0] * motion.CORE
-    zero_sigma = {
-        RANGE: theodolite.RANGE_ZERO_SIGMA_M,
-        AZIMUTH: theodolite.ANGLE_ZERO_SIGMA_RAD,
-        ELEVATION: theodolite.ANGLE_ZERO_SIGMA_RAD,
-    }
     for s, sensor in enumerate(sensors):
         inertial = sensor.kind == "ins"
         if inertial:
             zeros = {E + axis: ins_bias_sigma_m for axis in range(3)}
         else:
-            zeros = zero_sigma if "bias" in sensor.estimate else {}
+            usual = sensor.zero_sigma or theodolite.ZERO_SIGMA
+            zeros = (
+                dict(zip((RANGE, AZIMUTH, ELEVATION), usual, strict=True))
+                if "bias" in sensor.estimate
+                else {}
+            )
         for channel, sigma in zeros.items():
             if np.isfinite(sensor.sigma[channel]):
                 bias_at[s, channel] = len(prior)
@@ -58,7 +58,8 @@ def build(
                 rate.append(1.0 / ins_bias_tau_s if inertial else 0.0)
         if inertial or "clock" in sensor.estimate:
             clock_at[s] = len(prior)
-            prior.append((ins.LATENCY_SIGMA_S if inertial else theodolite.CLOCK_SIGMA_S) ** 2)
+            usual_s = ins.LATENCY_SIGMA_S if inertial else theodolite.CLOCK_SIGMA_S
+            prior.append((sensor.clock_sigma_s or usual_s) ** 2)
             rate.append(0.0)
     return Model(
         is_ins=np.array([sensor.kind == "ins" for sensor in sensors]),

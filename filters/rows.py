@@ -55,6 +55,8 @@ class Sensor(NamedTuple):
     rotation: np.ndarray = np.eye(3)  # station ENU → sensor ENU: p_sensor = rotation @ (p − offset_m)
     refraction: str = "none"  # none | optical | radar
     estimate: tuple[str, ...] = ()  # bias, clock: systematic errors to estimate
+    zero_sigma: tuple[float, float, float] | None = None  # their priors: range m, azimuth, elevation rad
+    clock_sigma_s: float | None = None  # None: the kind's usual prior
 
 
 class Step(NamedTuple):

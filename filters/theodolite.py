@@ -13,8 +13,7 @@ from filters.rows import AZIMUTH, RANGE
 
 EARTH_RADIUS_M = 6371000.0
 REFRACTION = {"none": 0.0, "optical": 0.13, "radar": 0.25}
-RANGE_ZERO_SIGMA_M = 5.0  # priors of the zero errors: an instrument set up with ordinary care
-ANGLE_ZERO_SIGMA_RAD = np.radians(0.05)
+ZERO_SIGMA = 5.0, np.radians(0.05), np.radians(0.05)  # priors in m, rad: set up with ordinary care
 CLOCK_SIGMA_S = 0.1  # prior of the clock offset: a PC synchronised over the network
 
 

@@ -41,6 +41,8 @@ def main() -> None:
         _refuse(" ".join(str(error).split()) + "; see gcs --help")
     except InputError as error:
         _refuse(str(error))
+    except KeyboardInterrupt:  # before a command listens for it: while it waits for a router, say
+        sys.exit(130)
 
 
 @app.command
@@ -202,34 +204,6 @@ def mavlink(
         source.run(link or resolved.mavlink.link, resolved.vehicle.system_id, bus, stop)
 
 
-@bridge.command
-def theodolite(
-    name: str,
-    *,
-    station: Path,
-    udp: Annotated[str | None, Parameter(help="HOST:PORT to listen on for JSON lines")] = None,
-    file: Annotated[Path | None, Parameter(help="a feed file, played at its own pace")] = None,
-    speed: float = 1.0,
-    config: Config = (),
-) -> None:
-    """One theodolite onto the bus as ``raw/NAME``."""
-    _instrument("theodolite", name, station, udp, file, speed, config)
-
-
-@bridge.command
-def radar(
-    name: str,
-    *,
-    station: Path,
-    udp: Annotated[str | None, Parameter(help="HOST:PORT to listen on for JSON lines")] = None,
-    file: Annotated[Path | None, Parameter(help="a feed file, played at its own pace")] = None,
-    speed: float = 1.0,
-    config: Config = (),
-) -> None:
-    """One radar onto the bus as ``raw/NAME``."""
-    _instrument("radar", name, station, udp, file, speed, config)
-
-
 @bench.command
 def accuracy(
     *cases: str,
@@ -263,29 +237,61 @@ def bench_speed(*, seconds: float = 3600.0, out: Path | None = None) -> None:
     speed.run(seconds, out=out)
 
 
-def _instrument(
-    kind: Literal["theodolite", "radar"],
-    name: str,
+def _instrument(kind: Literal["theodolite", "radar"]):
+    """The command that bridges one instrument of a kind."""
+
+    def command(
+        name: str,
+        *,
+        station: Path,
+        udp: Annotated[str | None, Parameter(help="HOST:PORT to listen on for JSON lines")] = None,
+        file: Annotated[Path | None, Parameter(help="a feed file, played at its own pace")] = None,
+        speed: Annotated[float, Parameter(help="times real time, of a file")] = 1.0,
+        config: Config = (),
+    ) -> None:
+        from bridges import radar, theodolite
+        from gcs import config as configuration
+
+        resolved = configuration.load(station, config)
+        known = [sensor.name for sensor in resolved.sensor if sensor.kind == kind]
+        if name not in known:
+            raise InputError(f"{station}: no {kind} {name!r}; it has {', '.join(known) or 'none'}")
+        if (udp is None) == (file is None):
+            raise InputError("name one origin: --udp HOST:PORT or --file FILE.csv")
+        origin, pace = (file, {"speed": speed}) if file else (_address(udp), {})
+        with _bridge_bus(resolved) as bus:
+            source = {"theodolite": theodolite, "radar": radar}[kind]
+            source.run(bus, name, origin, _stopped(), **pace)
+
+    return command
+
+
+@bridge.command
+def simulated(
+    truth: Path,
+    *,
     station: Path,
-    udp: str | None,
-    file: Path | None,
-    speed,
-    config,
+    seed: int = 0,
+    tlog: Annotated[
+        Path | None, Parameter(help="the same flight's log, where the truth is in boot time")
+    ] = None,
+    speed: float = 1.0,
+    now: Annotated[bool, Parameter(negative="", help="move the flight to the present")] = False,
+    config: Config = (),
 ) -> None:
-    from bridges import radar, theodolite
+    """Every instrument of the station onto the bus, simulated from a truth track with all that goes wrong."""
+    from bridges import simulated as source
     from gcs import config as configuration
 
     resolved = configuration.load(station, config)
-    known = [sensor.name for sensor in resolved.sensor if sensor.kind == kind]
-    if name not in known:
-        raise InputError(f"{station}: no {kind} {name!r}; it has {', '.join(known) or 'none'}")
-    if (udp is None) == (file is None):
-        raise InputError("name one origin: --udp HOST:PORT or --file FILE.csv")
-    origin = file or _address(udp)
+    track = source.read_truth(truth, source.boot_to_utc_ns(tlog) if tlog else None)
+    instruments = source.crooked(source.instruments_of(station), seed)
     with _bridge_bus(resolved) as bus:
-        source = {"theodolite": theodolite, "radar": radar}[kind]
-        stop = _stopped()
-        source.run(bus, name, origin, stop, **({"speed": speed} if file else {}))
+        source.run(bus, track, instruments, seed, _stopped(), speed=speed, now=now)
+
+
+for _kind in ("theodolite", "radar"):
+    bridge.command(_instrument(_kind), name=_kind, help=f"One {_kind} onto the bus as ``raw/NAME``.")
 
 
 def _bridge_bus(station):

@@ -57,11 +57,10 @@ def sensors_of(station: Station, frame: Frame) -> list[Sensor]:
             index = CHANNELS.index(channel)
             sigma[index] = np.radians(value) if ANGLES[index] else value
         offset, rotation = frame.place(sensor.position)
-        sensors.append(
-            Sensor(
-                sensor.name, sensor.kind, sigma, offset, rotation, sensor.refraction, tuple(sensor.estimate)
-            )
-        )
+        prior = sensor.prior
+        zero_sigma = prior.range_m, np.radians(prior.azimuth_deg), np.radians(prior.elevation_deg)
+        about = sensor.refraction, tuple(sensor.estimate), zero_sigma, prior.clock_s
+        sensors.append(Sensor(sensor.name, sensor.kind, sigma, offset, rotation, *about))
     return sensors
 
 

@@ -26,11 +26,14 @@ class BusFeeds:
     def __init__(self, bus: Bus):
         self._bus = bus
         self.incoming = bus.subscribe("raw/*")
+        self.history = True  # what comes first was kept for us, and may be as old as it likes
         self._lags_ns: dict[str, deque] = {}
 
     def astray(self, name: str, t_ns: np.ndarray, arrival_ns: int) -> np.ndarray:
         """Take in (n,) stamps that arrived now; returns (n,) bool, true where a stamp cannot be right."""
         lags = arrival_ns - t_ns
+        if self.history:
+            return lags < -ASTRAY_NS
         self._lags_ns.setdefault(name, deque(maxlen=MEMORY)).extend(lags[-MEMORY:].tolist())
         reference = "ins" if "ins" in self._lags_ns else next(iter(self._lags_ns))
         return np.abs(lags - statistics.median(self._lags_ns[reference])) > ASTRAY_NS
@@ -66,6 +69,7 @@ def run(session: Session, feeds: BusFeeds, stop: threading.Event) -> dict:
             else:
                 strangers[name] += len(found)
         session.advance(session.align.due_ns(now_ns))
+        feeds.history = False
     queue = feeds.incoming
     lost = {"queue_full": queue.dropped, "on_the_way": queue.missed, "undecodable": queue.undecodable}
     return session.finish({"complete": True, "bus": lost, "unknown_sources": dict(strangers)})

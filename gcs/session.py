@@ -6,11 +6,13 @@ measurements → intake → align → witness, estimator → air → ledger → 
 from collections.abc import Callable, Sequence
 from typing import NamedTuple, Protocol
 
+import msgspec
 import numpy as np
 
 from filters import estimator, outlier
 from filters.correction import off
 from filters.witness import Nobody, Witness
+from gcs import __version__
 from gcs.air import Air
 from gcs.align import Align
 from gcs.config import Station
@@ -20,6 +22,7 @@ from gcs.ledger import Ledger
 from gcs.messages import Event, InputError, Wind
 
 FOREVER_NS = np.iinfo(np.int64).max
+GAP, GAP_S = 5.0, 0.5  # a pause of so many usual intervals, and of at least so long, is a gap
 
 
 class Update(NamedTuple):
@@ -56,11 +59,21 @@ class Session:
         self.ledger = Ledger([sensor.name for sensor in self.sensors], outlier.REASONS)
         self.intake = Intake(station, frame, self.ledger)
         self.align = Align(station.align.hold_s)
-        self.estimator = _make_estimator(method, self.sensors, station, correction)
+        settings = settings_of(station)
+        self.estimator = _make_estimator(method, self.sensors, settings, correction)
+        self._settings = {
+            "method": method,
+            "learned_correction": correction is not off,
+            "filter": settings._asdict(),
+            "station": msgspec.to_builtins(station),
+        }
         self.witness = Witness(self.sensors) if station.screening.on else Nobody()
         self.air = Air()
         self.sinks = sinks
         self._judged: list[np.ndarray] = []
+        self._times: list[list[np.ndarray]] = [
+            [] for _ in self.sensors
+        ]  # valid times that reached the filter
 
     def enter(self, batch: Batch, arrival_ns: int | None = None) -> None:
         """Take measurements in; ``arrival_ns`` where they came live."""
@@ -75,6 +88,8 @@ class Session:
     def advance(self, upto_ns: int) -> None:
         """One turn of the loop, over everything valid up to ``upto_ns``."""
         rows, repeats = self.align.release(upto_ns)  # one time-ordered stream
+        for sensor, times in enumerate(self._times):
+            times.append(rows["t_ns"][rows["sensor"] == sensor])
         self._judged.append(
             self.ledger.dismiss(
                 repeats, "duplicate", self.ledger.reason("this channel already has a value at this time")
@@ -98,10 +113,13 @@ class Session:
         return summary
 
     def summary(self) -> dict:
-        """Counts by verdict of every sensor and channel, and the estimator's own report."""
+        """Settings, counts by verdict of every sensor and channel, and the estimator's own report."""
         return {
+            "software": {"name": "gcs", "version": __version__},
+            "settings": self._settings,
             "verdicts": self.ledger.count_table(),
             "doubted_by_screening": self.ledger.count_table(doubted=True),
+            "pace": {name: pace(self._times[k]) for k, name in enumerate(self.ledger.sensors)},
             "height": {"geoid_separation_from": self.intake.separation_source},
             "estimator": self.estimator.report(),
             "wind": self.air.report(),
@@ -116,6 +134,16 @@ class Session:
             sink.take(update)
 
 
+def pace(times: list[np.ndarray]) -> dict:
+    """Rate and gaps of one sensor from its valid times, arrays of int64 ns."""
+    step_s = np.diff(np.unique(np.concatenate([np.empty(0, np.int64), *times]))) / 1e9
+    if not len(step_s):
+        return {"rate_hz": 0.0, "gaps": 0, "longest_gap_s": 0.0}
+    usual_s = float(np.median(step_s))
+    gaps = step_s[step_s > max(GAP * usual_s, GAP_S)]
+    return {"rate_hz": 1.0 / usual_s, "gaps": len(gaps), "longest_gap_s": float(step_s.max())}
+
+
 def settings_of(station: Station) -> estimator.Settings:
     """The filter's settings as the station file has them. Raises InputError for a name that is none."""
     try:
@@ -126,8 +154,8 @@ def settings_of(station: Station) -> estimator.Settings:
         raise InputError(f"[filter]: unknown name {unknown}; valid names are {', '.join(valid)}") from None
 
 
-def _make_estimator(method: str, sensors: list, station: Station, correction: Callable):
+def _make_estimator(method: str, sensors: list, settings: estimator.Settings, correction: Callable):
     try:
-        return estimator.make(method, sensors, settings_of(station), correction)
+        return estimator.make(method, sensors, settings, correction)
     except ValueError as error:
         raise InputError(str(error)) from None

@@ -4,7 +4,13 @@ import os
 
 import pytest
 
+from gcs.compiled import drop_stale
+
 MAY_MISS = "shared/data"
+
+
+def pytest_sessionstart():
+    drop_stale()
 
 
 @pytest.hookimpl(trylast=True)

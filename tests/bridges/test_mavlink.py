@@ -73,7 +73,7 @@ def test_live_and_log_agree_on_real_flights(name):
 
 
 def windy(*evidence):
-    """A flight that says how it moves through the air, after two seconds with ``evidence`` of a pitot tube."""
+    """A flight that says how it moves through the air, later with ``evidence`` of a pitot tube."""
     for i, received in enumerate(flight(10)):
         yield received
         if received.message.get_type() == "ATTITUDE":

@@ -69,6 +69,18 @@ def test_the_same_bits_however_the_data_are_cut(run, tmp_path):
         assert (tmp_path / name).read_bytes() == (out / name).read_bytes(), name
 
 
+def test_summary_states_settings_rates_and_gaps(run):
+    _, _, summary = run
+    assert summary["settings"]["method"] == "default"
+    assert summary["settings"]["station"]["sensor"][0]["name"] == "theo-north"
+    assert summary["software"]["version"]
+    paces = summary["pace"]
+    assert paces["theo-north"]["rate_hz"] == pytest.approx(20.0, rel=0.01)
+    assert paces["radar-1"]["rate_hz"] == pytest.approx(10.0, rel=0.01)
+    assert paces["theo-east"]["gaps"] >= 1  # the sample has drop-outs
+    assert paces["theo-east"]["longest_gap_s"] > 1.0
+
+
 def test_near_the_truth(run):
     """Within a metre and a half of the simulator's own track, newest state and best estimate."""
     out, flight, _ = run
