@@ -25,6 +25,7 @@ NULL_ISLAND_E7 = 100_000  # 0.01°: an estimator without origin reports position
 SAME_HEIGHT_MM = 1_000  # above home and above the sea: home is at sea level, or not set yet
 WRONG_HEIGHT_MM = 100_000  # barometer and receiver do not differ by so much
 GEOID_LIMIT_M = 120.0  # the geoid lies −107 … +86 m from the ellipsoid
+CLIMB_MPS, CLIMB_STEP_S, CLIMB_SAMPLES = 1.0, 2.0, 20  # enough climbing and sinking to tell up from down
 UNIX_US = 10**15  # a time_usec above this is UTC, below it is time since boot (MAVLink's own rule)
 DIFFERENTIAL_PRESSURE = 0x10  # MAV_SYS_STATUS_SENSOR: a pitot tube is fitted
 FIXED_WING = 1  # MAV_TYPE_FIXED_WING
@@ -45,6 +46,19 @@ def has_position(lat, lon, alt, relative_alt, gps_alt):
 def position_velocity(lat, lon, alt, vx, vy, vz):
     """(lat_deg, lon_deg, alt_msl_m, ve, vn, vu m/s) of GLOBAL_POSITION_INT (degE7, mm, cm/s NED)."""
     return lat * 1e-7, lon * 1e-7, alt * 1e-3, vy * 1e-2, vx * 1e-2, vz * -1e-2
+
+
+def vz_is_upward(t_ns: np.ndarray, alt_m: np.ndarray, vu_mps: np.ndarray) -> bool:
+    """Does the reported climb rate run against the reported height, each (n,)?
+
+    GLOBAL_POSITION_INT.vz is positive down, but early ArduCopters sent it positive up.
+    """
+    step_s = np.diff(t_ns) / 1e9
+    usual = (step_s > 0.0) & (step_s < CLIMB_STEP_S)
+    climb, said = np.diff(alt_m)[usual] / step_s[usual], 0.5 * (vu_mps[1:] + vu_mps[:-1])[usual]
+    moving = (np.abs(climb) > CLIMB_MPS) & (np.abs(said) > CLIMB_MPS)
+    against = np.count_nonzero(climb[moving] * said[moving] < 0.0)
+    return bool(moving.sum() >= CLIMB_SAMPLES and against > 0.9 * moving.sum())
 
 
 def geoid_separation_m(fix_type, alt, alt_ellipsoid):

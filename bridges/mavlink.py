@@ -23,6 +23,7 @@ SILENT_S = 5.0  # a link without the vehicle for so long is reported
 POLL_S = 0.1
 KNOCK_S = 1.0
 CLIP = 32  # bytes of a damaged frame shown
+CLIMBS = 100  # positions after which the sign of the climb rate is looked at again
 AUTOPILOT = 1  # MAV_COMP_ID_AUTOPILOT1, the component listened to until a HEARTBEAT came
 
 
@@ -41,6 +42,8 @@ class Decoder:
         self._forces: dict[str, list[np.ndarray]] = {}  # first samples of each IMU message
         self._pitot = self._fixed_wing = False
         self._own_wind: tuple[float, float] | tuple[None, None] = (None, None)
+        self._climbs: list[tuple[int, float, float]] = []  # t ns, height m, climb rate m/s
+        self._turned = False  # is the climb rate sent with the wrong sign?
         self._restart()
 
     def _restart(self) -> None:
@@ -134,6 +137,11 @@ class Decoder:
             return None
         values = autopilot.position_velocity(*place, message.vx, message.vy, message.vz)
         lat_deg, lon_deg, alt_msl_m, ve_mps, vn_mps, vu_mps = values
+        self._climbs.append((t_ns, alt_msl_m, vu_mps))
+        if not self._turned and len(self._climbs) == CLIMBS:
+            self._turned = autopilot.vz_is_upward(*map(np.array, zip(*self._climbs, strict=True)))
+            self._climbs.clear()
+        vu_mps = -vu_mps if self._turned else vu_mps
         return InsMeasurement(
             t_ns=t_ns,
             arrival_ns=arrival_ns,

@@ -156,6 +156,10 @@ def flight(log: Tlog, system_id: int | None = None) -> Flight:
     vehicle = choose(log, there, system_id)
     timeline = _timeline(log, vehicle)
     positions, before_fix = _positions(log, vehicle, timeline)
+    told = positions[0]
+    upward = autopilot.vz_is_upward(told["t_ns"], told["alt_msl_m"], told["vu_mps"])
+    if upward:
+        told["vu_mps"] *= -1.0
     if not positions[0].size:
         raise LogError(_no_position(log, vehicle, before_fix))
     imu, accelerations = _accelerations(log, vehicle, timeline)
@@ -169,6 +173,7 @@ def flight(log: Tlog, system_id: int | None = None) -> Flight:
         "boots": [_describe(boot) for boot in timeline.boots],
         "positions": positions[0].size,
         "positions_before_fix": before_fix,
+        "vz_turned_over": upward,
         "geoid_separation_known": bool(np.isfinite(rows["geoid_separation_m"]).any()),
         "accelerometer": imu,
         "accelerations": accelerations[0].size,
