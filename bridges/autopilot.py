@@ -3,6 +3,8 @@
 Fields and units: https://mavlink.io/en/messages/common.html (GLOBAL_POSITION_INT, GPS_RAW_INT, ATTITUDE,
 RAW_IMU, SCALED_IMU, SCALED_IMU2, HIGHRES_IMU). Body axes are forward, right, down; MAVLink's local axes are
 north, east, down.
+
+VFR_HUD carries the airspeed; where no pitot tube is fitted, an autopilot fills in what it guesses.
 """
 
 import numpy as np
@@ -25,6 +27,8 @@ WRONG_HEIGHT_MM = 100_000  # barometer and receiver do not differ by so much
 GEOID_LIMIT_M = 120.0  # the geoid lies −107 … +86 m from the ellipsoid
 CLIMB_MPS, CLIMB_STEP_S, CLIMB_SAMPLES = 1.0, 2.0, 20  # enough climbing and sinking to tell up from down
 UNIX_US = 10**15  # a time_usec above this is UTC, below it is time since boot (MAVLink's own rule)
+DIFFERENTIAL_PRESSURE = 0x10  # MAV_SYS_STATUS_SENSOR: a pitot tube is fitted
+FIXED_WING = 1  # MAV_TYPE_FIXED_WING
 NO_AUTOPILOT = 8  # MAV_AUTOPILOT_INVALID: ground stations, gimbals, companions
 
 
@@ -65,6 +69,11 @@ def geoid_separation_m(fix_type, alt, alt_ellipsoid):
     separation = (np.float64(alt_ellipsoid) - alt) * 1e-3
     known = (fix_type >= FIX_3D) & (alt_ellipsoid != 0) & (abs(separation) <= GEOID_LIMIT_M)
     return np.where(known, separation, np.nan)[()]
+
+
+def wind_en(direction, speed):
+    """(east, north) m/s, where the air goes, of WIND (degrees it comes from, m/s)."""
+    return -speed * np.sin(np.radians(direction)), -speed * np.cos(np.radians(direction))
 
 
 def is_accelerometer(force: np.ndarray) -> bool:

@@ -16,7 +16,7 @@ import numpy as np
 
 from bridges import autopilot
 from bridges.flightclock import US, LiveClock
-from gcs.messages import Bad, Event, InputError, InsMeasurement
+from gcs.messages import AirData, Bad, Event, InputError, InsMeasurement
 
 RETRY_S = 1.0  # between two attempts to open a link that was there
 SILENT_S = 5.0  # a link without the vehicle for so long is reported
@@ -40,6 +40,8 @@ class Decoder:
         self.bad = 0  # damaged frames so far
         self._component: int | None = None  # of the autopilot, known from its HEARTBEAT
         self._forces: dict[str, list[np.ndarray]] = {}  # first samples of each IMU message
+        self._pitot = self._fixed_wing = False
+        self._own_wind: tuple[float, float] | tuple[None, None] = (None, None)
         self._climbs: list[tuple[int, float, float]] = []  # t ns, height m, climb rate m/s
         self._turned = False  # is the climb rate sent with the wrong sign?
         self._restart()
@@ -49,7 +51,7 @@ class Decoder:
         self._has_fix: bool | None = None  # None: the receiver has said nothing
         self._gps_alt = self._separation = np.nan
 
-    def decode(self, message, arrival_ns: int) -> InsMeasurement | Bad | None:
+    def decode(self, message, arrival_ns: int) -> InsMeasurement | AirData | Bad | None:
         """What one pymavlink message says: a measurement, a reason why not, or nothing of interest.
 
         ``arrival_ns`` UTC ns is the instant of reception.
@@ -66,6 +68,7 @@ class Decoder:
             return None
         if beats:
             self._component = min(message.get_srcComponent(), self._component or 255)
+            self._fixed_wing = message.type == autopilot.FIXED_WING
         if message.get_srcComponent() != (self._component or AUTOPILOT):
             return None
         boot_ns = self._boot_ns(message, arrival_ns)
@@ -82,6 +85,34 @@ class Decoder:
         elif name in autopilot.IMUS:
             t_ns = self.clock.utc_ns(boot_ns) if boot_ns < autopilot.UNIX_US * US else boot_ns
             return self._acceleration(name, message, t_ns, arrival_ns)
+        else:
+            return self._air(name, message, arrival_ns)
+        return None
+
+    def _air(self, name: str, message, arrival_ns: int) -> AirData | None:
+        """What concerns the air; a VFR_HUD becomes a measurement once a pitot tube is known of."""
+        if name == "AIRSPEED":
+            self._pitot = True
+        elif name == "SYS_STATUS":
+            self._pitot |= bool(message.onboard_control_sensors_present & autopilot.DIFFERENTIAL_PRESSURE)
+        elif name == "WIND":
+            east, north = autopilot.wind_en(message.direction, message.speed)
+            self._own_wind = float(east), float(north)
+        elif name == "VFR_HUD" and self._pitot and self._attitude is not None:
+            t_ns, angles, _ = self._attitude
+            roll_deg, pitch_deg, yaw_deg = np.degrees(angles).tolist()
+            return AirData(
+                t_ns=t_ns,
+                arrival_ns=arrival_ns,
+                airspeed_mps=message.airspeed,
+                alt_msl_m=message.alt,
+                roll_deg=roll_deg,
+                pitch_deg=pitch_deg,
+                yaw_deg=yaw_deg,
+                coordinated=self._fixed_wing,
+                own_wind_e_mps=self._own_wind[0],
+                own_wind_n_mps=self._own_wind[1],
+            )
         return None
 
     def _boot_ns(self, message, arrival_ns: int) -> int:
@@ -139,7 +170,7 @@ class Decoder:
 
 
 def run(link: str, system_id: int | None, bus, stop: Flag) -> None:
-    """Publish ``raw/ins`` from ``link`` (any pymavlink address) until ``stop`` is set.
+    """Publish ``raw/ins`` and ``raw/air`` from ``link`` (any pymavlink address) until ``stop`` is set.
 
     Without a ``system_id`` it is the first autopilot heard.
 
@@ -183,7 +214,7 @@ def _listen(port, decoder: Decoder, bus, stop: Flag) -> None:
         readable = False
         measurement = decoder.decode(message, time.time_ns())
         if measurement is not None:
-            bus.publish("raw", measurement, "ins")
+            bus.publish("raw", measurement, "air" if isinstance(measurement, AirData) else "ins")
         if message.get_srcSystem() == decoder.system_id:
             heard, knock = now, False
             if silent:

@@ -12,7 +12,7 @@ import numpy as np
 
 from bridges import autopilot, flightclock, frames
 from bridges.flightclock import Boot
-from gcs.messages import INS, InputError
+from gcs.messages import AIR, INS, InputError
 
 COMMON = np.dtype(
     [
@@ -76,6 +76,7 @@ class Flight(NamedTuple):
     vehicle: Vehicle
     boots: list[Boot]
     rows: np.ndarray  # (n,) gcs.messages.INS by arrival
+    air: np.ndarray  # (m,) gcs.messages.AIR in order of time
     report: dict  # for summary.json
 
 
@@ -165,6 +166,7 @@ def flight(log: Tlog, system_id: int | None = None) -> Flight:
     rows, number = (np.concatenate(both) for both in zip(positions, accelerations, strict=True))
     rows["arrival_ns"], untrue = _arrivals(timeline, rows["t_ns"], number, log.receipt_us[number])
     rows = rows.take(np.lexsort((number, rows["arrival_ns"])))
+    air = _air(log, vehicle, timeline)
     report = damage(log) | {
         "system_id": vehicle.system_id,
         "systems": {str(v.system_id): v.kind for v in there},
@@ -175,9 +177,10 @@ def flight(log: Tlog, system_id: int | None = None) -> Flight:
         "geoid_separation_known": bool(np.isfinite(rows["geoid_separation_m"]).any()),
         "accelerometer": imu,
         "accelerations": accelerations[0].size,
+        "airspeeds": air.size,
         "receipts_not_believed": untrue,
     }
-    return Flight(vehicle, timeline.boots, rows, report)
+    return Flight(vehicle, timeline.boots, rows, air, report)
 
 
 def damage(log: Tlog) -> dict:
@@ -320,6 +323,30 @@ def _accelerations(log: Tlog, vehicle: Vehicle, timeline: _Timeline) -> tuple[st
         age_ns[fresh] / flightclock.S,
     ).T
     return name, (rows, imu["frame_no"][fresh])
+
+
+def _air(log: Tlog, vehicle: Vehicle, timeline: _Timeline) -> np.ndarray:
+    """(m,) AIR: a VFR_HUD at the time of the ATTITUDE before it, from where a pitot tube is known of."""
+    hud, attitude = log.messages("VFR_HUD", vehicle), log.messages("ATTITUDE", vehicle)
+    status = log.messages("SYS_STATUS", vehicle)
+    fitted = status["onboard_control_sensors_present"] & autopilot.DIFFERENTIAL_PRESSURE > 0
+    told = np.append(status["frame_no"][fitted], log.messages("AIRSPEED", vehicle)["frame_no"])
+    since = max(told.min(initial=log.frames.size), attitude["frame_no"].min(initial=log.frames.size))
+    hud = hud.compress(hud["frame_no"] > since)
+    used = attitude.take(np.searchsorted(attitude["frame_no"], hud["frame_no"]) - 1)
+    air = np.zeros(hud.size, AIR)
+    air["t_ns"] = air["arrival_ns"] = timeline.at(used)
+    air["airspeed_mps"], air["alt_msl_m"] = hud["airspeed"], hud["alt"]
+    for name in ("roll", "pitch", "yaw"):
+        air[f"{name}_deg"] = np.degrees(used[name].astype(float))
+    beats, winds = log.messages("HEARTBEAT", vehicle), log.messages("WIND", vehicle)
+    newest = np.searchsorted(beats["frame_no"], hud["frame_no"])
+    air["coordinated"] = np.append([0], beats["type"])[newest] == autopilot.FIXED_WING
+    own = autopilot.wind_en(*(winds[name].astype(float) for name in ("direction", "speed")))
+    newest = np.searchsorted(winds["frame_no"], hud["frame_no"])
+    for name, wind in zip(("own_wind_e_mps", "own_wind_n_mps"), own, strict=True):
+        air[name] = np.append([np.nan], wind)[newest]
+    return air.take(np.argsort(air["t_ns"], kind="stable"))
 
 
 def _columns(messages: np.ndarray, *names: str) -> np.ndarray:

@@ -6,6 +6,7 @@ from numba import njit
 from filters import outlier
 from filters.model import predict_row
 from filters.motion import predict
+from filters.rows import AE, RANGE_RATE
 from filters.unscented import difference
 from filters.window import ahead, back, update
 
@@ -23,7 +24,8 @@ def admit(model, rows, begin, end, x, P, t_ns, jerk, variance, run, soft, hard, 
     the sensors vote at the same instant. ``jerk`` and
     ``variance`` (s, 13) are those of motion and noise now, ``run`` each channel's `outlier.label` state; a
     ``patient`` filter, one that decides again later, is stricter within a run. The predicted state goes to
-    ``out.x[0]``, ``out.P[0]``.
+    ``out.x[0]``, ``out.P[0]``. Returns whether a row was used that ties the state down: any but an
+    acceleration or a range rate.
     """
     predict(x, P, (rows.t[begin] - t_ns) * 1e-9, jerk, model.rate, model.prior)
     out.x[0], out.P[0] = x, P
@@ -34,6 +36,7 @@ def admit(model, rows, begin, end, x, P, t_ns, jerk, variance, run, soft, hard, 
         rows.noise[i], rows.jerk[i] = variance[s, c], jerk
         seen, spread, _ = predict_row(model, s, c, x, P, index, gain, m, work)
         doubt[i - begin] = abs(difference(c, rows.value[i], seen)) / np.sqrt(spread + rows.noise[i])
+    fixed = False
     order = np.argsort(doubt) if doubt.max() > soft else np.arange(end - begin)
     for k in order:
         i = begin + k
@@ -50,6 +53,8 @@ def admit(model, rows, begin, end, x, P, t_ns, jerk, variance, run, soft, hard, 
         rows.nis[i] = (v / sigma) ** 2
         if w > 0.0:
             update(x, P, m, v, spread + noise / w)
+            fixed |= c < AE and c != RANGE_RATE
+    return fixed
 
 
 @njit(cache=True)

@@ -182,7 +182,7 @@ class Estimator:
         self._work = windows.scratch(n)
         self._r, self._N = np.zeros(n), np.zeros((n, n))
         self._recent = np.zeros((len(sensors), len(CHANNELS), 2))
-        self._newest_ns, self._told, self._marks = LONG_AGO_NS, 0, []
+        self._newest_ns, self._fixed_ns, self._told, self._marks = LONG_AGO_NS, 0, 0, []
         self._nobody = np.zeros(len(sensors), bool)
         tally = np.zeros((len(sensors), len(CHANNELS), 3))
         scale = np.stack([np.zeros((len(sensors), len(CHANNELS))), np.ones((len(sensors), len(CHANNELS)))])
@@ -214,6 +214,7 @@ class Estimator:
                 head, out = self._head, self._out
                 x = self._correction(out.x[0], out.P[0], head.x, head.P)
                 track[count] = self._tracks([head.t_ns], x[None], head.P[None])[0]
+                track[count]["fixed_ns"] = self._fixed_ns
                 count += 1
         return Step(track[:count], self._take_smoothed(), np.concatenate([refused, self._changed()]))
 
@@ -307,7 +308,7 @@ class Estimator:
         if cell_ns > self._boundary_ns:
             self._close(cell_ns)
         head, s = self._head, self.settings
-        self._admit(
+        fixed = self._admit(
             self.model,
             rows,
             begin,
@@ -337,6 +338,7 @@ class Estimator:
             self._nobody,
         )
         self._head = head._replace(t_ns=int(t_ns))
+        self._fixed_ns = int(t_ns) if fixed else self._fixed_ns
         self._done = end
         if s.horizon_s > 0 and (rows.weight[begin:end] == 0.0).any():
             self._doubt_motion(end)

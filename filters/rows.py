@@ -29,6 +29,7 @@ TRACK = np.dtype(
         ("P", "f8", (9, 9)),  # its covariance
         ("quality", "i2"),  # 0 … 100; −1 failed
         ("reset_counter", "i4"),
+        ("fixed_ns", "i8"),  # newest row used that says where it is or how fast it moves; 0: not told
     ]
 )
 VERDICT = np.dtype(

@@ -154,6 +154,30 @@ def demo(
 
 
 @app.command
+def screen(
+    feed: Path,
+    *,
+    out: Annotated[Path | None, Parameter(help="folder; beside the feed by default")] = None,
+    method: Annotated[str, Parameter(help="linear-adaptive, or a baseline")] = "linear-adaptive",
+    threshold: Annotated[float | None, Parameter(help="sigmas of a residual; 5 by default")] = None,
+) -> None:
+    """One raw feed, channel by channel, without a trajectory: cleaned feed, flags and a picture."""
+    from rich.table import Table
+
+    from gcs import screen as screening
+    from gcs.console import screen as terminal
+
+    folder = feed.parent if out is None else out
+    counts = screening.run(feed, folder, method, threshold)
+    unreadable = counts.pop("unreadable")
+    table = Table("channel", *next(iter(counts.values())), box=None, pad_edge=False)
+    for channel, said in counts.items():
+        table.add_row(channel, *(f"{n:.4g}" if isinstance(n, float) else f"{n:,}" for n in said.values()))
+    terminal.print(table)
+    terminal.print(f"{unreadable} lines unreadable; written to {folder}", soft_wrap=True, markup=False)
+
+
+@app.command
 def doctor(*, station: StationFile = None, config: Config = ()) -> None:
     """Check Python, packages, station file, ports, router and clock before a flight."""
     from gcs import doctor as checks
@@ -198,10 +222,11 @@ def accuracy(
 @bench.command
 def papers() -> None:
     """The papers' tables: what they report, ours, the baselines."""
-    from gcs.bench import show_m1, table
+    from gcs.bench import show_m1, show_m2, show_m3, table
 
-    for each in show_m1.tables():
-        table.show(each)
+    for paper in (show_m1, show_m2, show_m3):
+        for each in paper.tables():
+            table.show(each)
 
 
 @bench.command(name="speed")

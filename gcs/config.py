@@ -116,6 +116,12 @@ class Align(_Section):
     hold_s: Annotated[float, Meta(ge=0.0, le=2.0)] = 0.3  # longest wait for a slower source, live only
 
 
+class Screening(_Section):
+    on: bool = (
+        True  # each raw channel of the instruments watched alone too: a witness in the record, no judge
+    )
+
+
 class Station(_Section):
     range: Range = Range()
     vehicle: Vehicle = Vehicle()
@@ -125,6 +131,7 @@ class Station(_Section):
     bus: Bus = Bus()
     view: View = View()
     align: Align = Align()
+    screening: Screening = Screening()
     filter: dict[str, float | int | bool | str] = {}  # filters.estimator.Settings by name
 
 
@@ -148,7 +155,7 @@ def load(path: Path | None, overrides: list[str] = ()) -> Station:
         raise InputError(_explain(where, text, str(error))) from None
     names = [sensor.name for sensor in station.sensor]
     for name in names:
-        if name == "ins" or names.count(name) > 1:
+        if name in ("ins", "air") or names.count(name) > 1:
             line = _line_of(text, ["sensor", len(names) - 1 - names[::-1].index(name), "name"])
             raise InputError(f"{where}:{line}: sensor name {name!r} is taken; give each its own")
     return station

@@ -136,6 +136,7 @@ class Intake:
         entries["position_m"] = position_m[measurement]
         entries["predicted"] = entries["sigma"] = np.nan
         entries["weight"], entries["verdict"], entries["reason"], entries["final"] = 0.0, PENDING, 0, False
+        entries["screened"] = False
         low, high = LOW[entries["channel"]], HIGH[entries["channel"]]
         impossible = ~((low <= entries["value"]) & (entries["value"] <= high))
         complaints = np.where(impossible, self.ledger.reason("no target can be there"), 0)

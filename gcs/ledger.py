@@ -19,6 +19,7 @@ ENTRY = np.dtype(
         ("verdict", "i1"),
         ("reason", "i4"),  # index into Ledger.reasons
         ("final", "?"),
+        ("screened", "?"),  # doubted by the screening of its own channel
     ]
 )
 NO_TIME = np.iinfo(np.int64).min  # the t_ns of a line whose time cannot be read
@@ -34,6 +35,7 @@ class Ledger:
         self._reason_index = {text: index for index, text in enumerate(reasons)}
         self.first = 0
         self.counts = np.zeros((len(sensors), len(CHANNELS) + 1, len(VERDICTS)), dtype=np.int64)
+        self.doubted = np.zeros_like(self.counts)
         self._entries = np.empty(1024, dtype=ENTRY)
         self._size = 0
         self._measurements = 0
@@ -74,6 +76,10 @@ class Ledger:
         self._entries["final"][at] = True
         return ids
 
+    def doubt(self, ids: np.ndarray) -> None:
+        """Note that screening doubts these values (n,) ids; the verdict is not touched."""
+        self._entries["screened"][ids - self.first] = True
+
     def judge(self, verdicts: np.ndarray) -> np.ndarray:
         """Enter the estimator's verdicts, (v,) filters.rows.VERDICT; returns the ids (v,)."""
         at = verdicts["id"] - self.first
@@ -94,13 +100,14 @@ class Ledger:
         n = len(held) if held["final"].all() else int(np.argmin(held["final"]))
         done = held[:n].copy()
         np.add.at(self.counts, (done["sensor"], done["channel"], done["verdict"]), 1)
+        np.add.at(self.doubted, (done["sensor"], done["channel"], done["verdict"]), done["screened"])
         self._entries[: self._size - n] = held[n:].copy()
         self._size -= n
         self.first += n
         return done
 
     def reason_texts(self, entries: np.ndarray) -> list[str]:
-        """Why, in words, for each of (n,) ENTRY: with how far the value was from the prediction."""
+        """Why, in words, for each of (n,) ENTRY: how far from the prediction, and who else doubts it."""
         with np.errstate(invalid="ignore", divide="ignore"):
             off = entries["value"] - entries["predicted"]
             wrapped = np.where(
@@ -108,17 +115,26 @@ class Ledger:
             )
             sigmas = np.where(entries["sigma"] > 0.0, np.abs(wrapped) / entries["sigma"], np.nan)
         return [
-            f"{self.reasons[code]} ({far:.1f} sigma)" if code and far == far else self.reasons[code]
-            for code, far in zip(entries["reason"].tolist(), sigmas.tolist(), strict=True)
+            self._text(code, far, screened)
+            for code, far, screened in zip(
+                entries["reason"].tolist(), sigmas.tolist(), entries["screened"].tolist(), strict=True
+            )
         ]
 
-    def count_table(self) -> dict[str, dict[str, dict[str, int]]]:
-        """How many values by sensor, channel and verdict, of everything retired."""
+    def _text(self, code: int, far: float, screened: bool) -> str:
+        text = f"{self.reasons[code]} ({far:.1f} sigma)" if code and far == far else self.reasons[code]
+        if not screened:
+            return text
+        return f"{text}; screening agrees" if text else "screening alone doubts it"
+
+    def count_table(self, doubted: bool = False) -> dict[str, dict[str, dict[str, int]]]:
+        """How many values by sensor, channel and verdict: all retired, or those that screening doubts."""
+        counts = self.doubted if doubted else self.counts
         names = [*CHANNELS, "line"]
         return {
             sensor: {
-                names[channel]: {VERDICTS[v]: int(n) for v, n in enumerate(self.counts[index, channel]) if n}
-                for channel in np.flatnonzero(self.counts[index].any(axis=1)).tolist()
+                names[channel]: {VERDICTS[v]: int(n) for v, n in enumerate(counts[index, channel]) if n}
+                for channel in np.flatnonzero(counts[index].any(axis=1)).tolist()
             }
             for index, sensor in enumerate(self.sensors)
         }

@@ -10,7 +10,7 @@ import numpy as np
 
 from gcs import messages
 from gcs.bus import Bus
-from gcs.messages import Bad, InsMeasurement, PolarMeasurement
+from gcs.messages import AirData, Bad, InsMeasurement, PolarMeasurement
 from gcs.session import Session
 
 SETTLE_S = 1.0  # a restarted station is given what the bridges kept; all of it, before the first row goes in
@@ -64,6 +64,8 @@ def run(session: Session, feeds: BusFeeds, stop: threading.Event) -> dict:
             found = [message for _, message in pairs]
             if name in session.ledger.sensors:
                 _enter(session, name, found, feeds, now_ns)
+            elif name == "air":
+                _enter_air(session, found, feeds, now_ns)
             else:
                 strangers[name] += len(found)
         session.advance(session.align.due_ns(now_ns))
@@ -87,6 +89,11 @@ def _enter(session: Session, name: str, found: list, feeds: BusFeeds, now_ns: in
         astray = feeds.astray(name, measured["t_ns"], now_ns)[batch.entries["measurement"]]
         batch.complaints[astray] = session.ledger.reason("stamped seconds away from the flight's clock")
         session.enter(batch, now_ns)
+
+
+def _enter_air(session: Session, found: list, feeds: BusFeeds, now_ns: int) -> None:
+    samples = messages.to_columns([m for m in found if isinstance(m, AirData)], AirData)
+    session.enter_air(samples[~feeds.astray("air", samples["t_ns"], now_ns)])
 
 
 def _no_measurement(name: str, message) -> Bad:

@@ -55,6 +55,21 @@ class PolarMeasurement(_Message, frozen=True, kw_only=True):
     range_rate_mps: float | None = None  # positive when going away
 
 
+class AirData(_Message, frozen=True, kw_only=True):
+    """How the aircraft moves through the air, by its own sensors."""
+
+    t_ns: int
+    arrival_ns: int
+    airspeed_mps: float  # calibrated: what the pitot tube would say at sea level
+    alt_msl_m: float
+    roll_deg: float
+    pitch_deg: float
+    yaw_deg: float  # clockwise from true north
+    coordinated: bool  # a fixed wing, whose nose points where it flies through the air
+    own_wind_e_mps: float | None = None  # the autopilot's estimate: where the air goes
+    own_wind_n_mps: float | None = None
+
+
 class Bad(_Message, frozen=True, kw_only=True):
     """Input that is no measurement. It travels like one, so that it gets its verdict: ``invalid``."""
 
@@ -96,6 +111,21 @@ class Verdict(_Message, frozen=True, kw_only=True):
     reason: str
     position_enu_m: tuple[float, float, float] | None = None  # where it claims the target was, for the view
     final: bool = True
+
+
+class Wind(_Message, frozen=True, kw_only=True):
+    """The mean wind out of air data and the cleaned velocity, once a second while positions come."""
+
+    t_ns: int
+    speed_mps: float
+    from_deg: float  # where it blows from, clockwise from true north
+    e_mps: float  # where the air goes
+    n_mps: float
+    covariance: tuple[float, float, float]  # (m/s)²: east east, east north, north north
+    known: bool  # observable: the flight has shown it, to 1 m/s in the worst direction
+    airspeed_scale: float  # true airspeed over the measured one
+    own_speed_mps: float | None = None  # the autopilot's estimate, to compare
+    own_from_deg: float | None = None
 
 
 class SensorHealth(msgspec.Struct, frozen=True, kw_only=True):
@@ -145,8 +175,8 @@ class Scene(_Message, frozen=True, kw_only=True):
     instruments: list[Instrument]
 
 
-RAW = InsMeasurement | PolarMeasurement | Bad
-ANY = RAW | State | Verdict | Health | Event | Scene
+RAW = InsMeasurement | PolarMeasurement | AirData | Bad
+ANY = RAW | State | Wind | Verdict | Health | Event | Scene
 TYPES = {t.__name__: t for t in ANY.__args__}
 
 _json_encoder, _msgpack_encoder = msgspec.json.Encoder(), msgspec.msgpack.Encoder()
@@ -177,6 +207,7 @@ def columns(message_type: type) -> np.dtype:
 
 INS = columns(InsMeasurement)
 POLAR = columns(PolarMeasurement)
+AIR = columns(AirData)
 
 
 def to_columns(messages: Iterable[_Message], message_type: type) -> np.ndarray:

@@ -16,7 +16,7 @@ Target = Callable[[str, object, str], None]  # (subject, message, source)
 
 
 class Publisher:
-    """A sink that turns each update into ``state``, ``smoothed``, ``verdict``, ``health`` and ``event``."""
+    """A sink: updates become ``state``, ``smoothed``, ``verdict``, ``wind``, ``health`` and ``event``."""
 
     def __init__(self, frame: Frame, monitor: Monitor, targets: Sequence[Target]):
         self._frame, self._monitor, self._targets = frame, monitor, targets
@@ -30,8 +30,8 @@ class Publisher:
             for state in states(track, self._frame, self._seq[subject], self._monitor.ages_s):
                 self._send(subject, state)
             self._seq[subject] += len(track)
-        for message in self._monitor.take(update):
-            self._send("event" if isinstance(message, Event) else "health", message)
+        for message in (*update.told, *self._monitor.take(update)):
+            self._send(type(message).__name__.lower(), message)
 
     def close(self, summary: dict, best: np.ndarray) -> None:
         self._send("event", Event(t_ns=self._monitor.now_ns, level="info", text="end of data"))

@@ -27,6 +27,7 @@ class Flight(NamedTuple):
 
     frame: Frame
     ins: np.ndarray  # (n,) INS
+    air: np.ndarray  # (n,) AIR
     feeds: dict[str, tuple]  # name → ((m,) POLAR, list of Bad)
     about: dict  # what the summary says of the source
     start_ns: int
@@ -52,7 +53,7 @@ def load(log: Path, station: Station, feeds: dict[str, Path]) -> Flight:
     for sensor in station.sensor:
         if sensor.name in measured and len(measured[sensor.name][0]):
             _check_feed(feeds[sensor.name], measured[sensor.name][0], seen, frame.place(sensor.position))
-    return Flight(frame, ins, measured, {"log": own.report}, start_ns, end_ns)
+    return Flight(frame, ins, own.air, measured, {"log": own.report}, start_ns, end_ns)
 
 
 def batch(flight: Flight, intake: Intake) -> Batch:
@@ -137,6 +138,7 @@ def run(flight: Flight, new_session: Callable[[], Session], playback: Playback, 
     while True:
         session = new_session()
         whole = batch(flight, session.intake)
+        session.enter_air(flight.air)
         taken = 0
         while (upto_ns := playback.upto()) is not None:
             until = int(np.searchsorted(whole.valid_ns, upto_ns, side="right"))

@@ -1,6 +1,6 @@
 """The loop, the same for live and replay.
 
-measurements → intake → align → estimator → ledger → sinks
+measurements → intake → align → witness, estimator → air → ledger → sinks
 """
 
 from collections.abc import Callable, Sequence
@@ -11,13 +11,15 @@ import numpy as np
 
 from filters import estimator, outlier
 from filters.correction import off
+from filters.witness import Nobody, Witness
 from gcs import __version__
+from gcs.air import Air
 from gcs.align import Align
 from gcs.config import Station
 from gcs.frames import Frame
 from gcs.intake import Batch, Intake, sensors_of
 from gcs.ledger import Ledger
-from gcs.messages import InputError
+from gcs.messages import Event, InputError, Wind
 
 FOREVER_NS = np.iinfo(np.int64).max
 GAP, GAP_S = 5.0, 0.5  # a pause of so many usual intervals, and of at least so long, is a gap
@@ -31,6 +33,7 @@ class Update(NamedTuple):
     judged: np.ndarray  # (v,) ENTRY whose verdict is new or has changed
     retired: np.ndarray  # (r,) ENTRY, final, in order of arrival
     ledger: Ledger  # gives names and ``reason_texts``
+    told: Sequence[Wind | Event] = ()  # of the air
 
 
 class Sink(Protocol):
@@ -64,6 +67,8 @@ class Session:
             "filter": settings._asdict(),
             "station": msgspec.to_builtins(station),
         }
+        self.witness = Witness(self.sensors) if station.screening.on else Nobody()
+        self.air = Air()
         self.sinks = sinks
         self._judged: list[np.ndarray] = []
         self._times: list[list[np.ndarray]] = [
@@ -76,6 +81,10 @@ class Session:
         self._judged.append(invalid)
         self.align.add(rows, arrival_ns)
 
+    def enter_air(self, samples: np.ndarray) -> None:
+        """Take (n,) AIR in."""
+        self.air.enter(samples)
+
     def advance(self, upto_ns: int) -> None:
         """One turn of the loop, over everything valid up to ``upto_ns``."""
         rows, repeats = self.align.release(upto_ns)  # one time-ordered stream
@@ -86,7 +95,10 @@ class Session:
                 repeats, "duplicate", self.ledger.reason("this channel already has a value at this time")
             )
         )
-        self._hand_on(self.estimator.step(rows))  # state and verdicts
+        self.ledger.doubt(rows["id"][self.witness.doubts(rows)])  # each channel by itself
+        step = self.estimator.step(rows)  # state and verdicts
+        track, told = self.air.step(step.track, upto_ns)  # wind, or dead reckoning
+        self._hand_on(step._replace(track=track), told)
 
     def finish(self, about: dict) -> dict:
         """Take in what still waits, make every verdict final, and give each sink the summary.
@@ -106,16 +118,18 @@ class Session:
             "software": {"name": "gcs", "version": __version__},
             "settings": self._settings,
             "verdicts": self.ledger.count_table(),
+            "doubted_by_screening": self.ledger.count_table(doubted=True),
             "pace": {name: pace(self._times[k]) for k, name in enumerate(self.ledger.sensors)},
             "height": {"geoid_separation_from": self.intake.separation_source},
             "estimator": self.estimator.report(),
+            "wind": self.air.report(),
         }
 
-    def _hand_on(self, step) -> None:
+    def _hand_on(self, step, told: Sequence[Wind | Event] = ()) -> None:
         ids = np.concatenate([*self._judged, self.ledger.judge(step.verdicts)])
         self._judged.clear()
         judged = self.ledger.at(ids)
-        update = Update(step.track, step.smoothed, judged, self.ledger.retire(), self.ledger)
+        update = Update(step.track, step.smoothed, judged, self.ledger.retire(), self.ledger, told)
         for sink in self.sinks:
             sink.take(update)
 

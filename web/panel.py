@@ -3,7 +3,7 @@
 from datetime import UTC, datetime
 from html import escape
 
-from gcs.messages import Event, Health, Scene, SensorHealth, State
+from gcs.messages import Event, Health, Scene, SensorHealth, State, Wind
 from web import colours
 from web.colours import Colour, css
 
@@ -50,7 +50,7 @@ def badge(state: State | None, age_s: float, mode: str) -> tuple[str, Colour]:
     return mode, colours.GOOD
 
 
-def status(scene: Scene, state: State | None, word: str, colour: Colour, tick: int) -> str:
+def status(scene: Scene, state: State | None, wind: Wind | None, word: str, colour: Colour, tick: int) -> str:
     head = f'<span class="badge" style="background:{css(colour)}">{word}</span><b>{escape(scene.vehicle)}</b>'
     lost = f'<div class="lost" data-tick="{tick}">NO CONTACT WITH THE STATION</div>'
     if state is None:
@@ -68,7 +68,19 @@ def status(scene: Scene, state: State | None, word: str, colour: Colour, tick: i
 <tr><td>velocity m/s</td>{"".join(f"<td>{v:.1f}</td>" for v in state.velocity_enu_mps)}</tr></table>
 <table><tr><td>{state.lat_deg:.6f}° {state.lon_deg:.6f}°</td><td>height {state.alt_m:.1f} m</td></tr>
 <tr><td>speed <b>{speed:.1f} m/s</b></td>
-<td>quality <b>{state.quality}</b> · resets <b>{state.reset_counter}</b></td></tr></table></div>"""
+<td>quality <b>{state.quality}</b> · resets <b>{state.reset_counter}</b></td></tr>
+{air(wind, state.t_ns)}</table></div>"""
+
+
+def air(wind: Wind | None, t_ns: int) -> str:
+    """The wind in one line at ``t_ns``; nothing where there are no air data."""
+    if wind is None:
+        return ""
+    age_s = (t_ns - wind.t_ns) / 1e9
+    how = "known" if wind.known else inked("not yet known", colours.WARNING)
+    old = f" · {inked(f'{age_s:.0f} s old', colours.WARNING)}" if age_s > OLD_S else ""
+    said = f"wind <b>{wind.speed_mps:.1f} m/s</b> from <b>{wind.from_deg:.0f}°</b>"
+    return f"<tr><td>{said}</td><td>{how}{old}</td></tr>"
 
 
 def sensors(scene: Scene, health: Health | None, state: State | None) -> str:

@@ -12,7 +12,7 @@ from collections import deque
 
 import viser
 
-from gcs.messages import Event, Health, InputError, Scene, State, Verdict
+from gcs.messages import Event, Health, InputError, Scene, State, Verdict, Wind
 from web import colours, panel
 from web.controls import Playback, Player
 from web.scene import LAYERS, Picture
@@ -44,6 +44,7 @@ class View:
         self._state: State | None = None
         self._arrived_s = 0.0
         self._health: Health | None = None
+        self._wind: Wind | None = None
         self._events: deque[Event] = deque(maxlen=EVENTS)
         self._stop = threading.Event()
         self._set_stage()
@@ -125,6 +126,9 @@ class View:
             case None:
                 self._picture.clear()
                 self._events.clear()
+                self._wind = None
+            case Wind():
+                self._wind = message
             case Health():
                 self._health = message
             case Event():
@@ -142,7 +146,7 @@ class View:
         word, colour = panel.badge(self._state, age_s, mode)
         stale = colour == colours.BAD
         self._picture.aircraft.say(f"{self._scene.vehicle} · {word}" if stale else self._scene.vehicle)
-        self._status.content = panel.status(self._scene, self._state, word, colour, tick)
+        self._status.content = panel.status(self._scene, self._state, self._wind, word, colour, tick)
         self._sensors.content = panel.sensors(self._scene, self._health, self._state)
         self._legend.content = panel.legend(self._scene, self._picture.aircraft.factor)
         self._log.content = panel.events(list(self._events), self._skipped)
@@ -157,7 +161,7 @@ def run(bus, port: int = 8080, stop: threading.Event | None = None) -> None:
     """The view alone, on the bus: waits for the station's ``Scene``, then shows all until ``stop``."""
     stop = stop or threading.Event()
     scenes, smoothed = bus.subscribe("scene"), bus.subscribe("smoothed")
-    rest = bus.subscribe("state", "verdict/*", "health", "event")
+    rest = bus.subscribe("state", "verdict/*", "wind", "health", "event")
     scene = None
     while scene is None and not stop.is_set():
         scene = next((message for _, message in scenes.drain(0.5)), None)

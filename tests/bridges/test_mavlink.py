@@ -8,7 +8,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridges import mavlink, tlog
 from bridges.flightclock import MS, S
-from gcs.messages import INS, Bad, Event, InsMeasurement, to_columns
+from gcs.messages import AIR, INS, AirData, Bad, Event, InsMeasurement, to_columns
 from tests.bridges import oracle
 from tests.bridges.flights import START_US, flight, packed, write
 
@@ -42,7 +42,8 @@ def live(path, system_id=1):
 
 def compare(path, system_id=1):
     """(live, from the log): the same channel values, live without the first IMU samples it learns from."""
-    ours = to_columns(live(path, system_id), InsMeasurement)
+    said = (m for m in live(path, system_id) if isinstance(m, InsMeasurement))
+    ours = to_columns(said, InsMeasurement)
     logged = tlog.ins(tlog.read(path), system_id)
     for channel in ("lat_deg", "ae_mps2"):
         a, b = (rows[np.isfinite(rows[channel])] for rows in (ours, logged))
@@ -73,6 +74,45 @@ def test_live_and_log_agree_on_real_flights(name):
         late = slice(len(ours) * 3 // 4, None)
         assert np.array_equal(ours["vu_mps"][late], logged["vu_mps"][late], equal_nan=True)
         assert np.nanmax(np.abs(ours["t_ns"] - logged["t_ns"])) < 0.5 * S  # no SYSTEM_TIME: learnt, not known
+
+
+def windy(*evidence):
+    """A flight that says how it moves through the air, later with ``evidence`` of a pitot tube."""
+    for i, received in enumerate(flight(10)):
+        yield received
+        if received.message.get_type() == "ATTITUDE":
+            yield received._replace(message=dialect.MAVLink_wind_message(310.0, 8.0, 0.0))
+            yield received._replace(message=dialect.MAVLink_vfr_hud_message(21.5, 19.0, 90, 50, 480.0, 1.0))
+            if i > 100:
+                yield from (received._replace(message=message) for message in evidence)
+
+
+AIRSPEED = dialect.MAVLink_airspeed_message(0, 21.5, 200, 250.0, 0)
+SYS_STATUS = dialect.MAVLink_sys_status_message(0x10, 0x10, 0x10, 0, 12000, 0, 50, 0, 0, 0, 0, 0, 0)
+
+
+@pytest.mark.parametrize("evidence", [AIRSPEED, SYS_STATUS], ids=["AIRSPEED", "SYS_STATUS"])
+def test_air_data_need_a_pitot_tube_and_are_the_same_live_and_from_a_log(tmp_path, evidence):
+    path = write(tmp_path / "flight.tlog", packed(windy(evidence)))
+    ours = to_columns((m for m in live(path) if isinstance(m, AirData)), AirData)
+    logged = tlog.flight(tlog.read(path)).air
+    assert 60 < ours.size < 90
+    assert ours.size == logged.size
+    for name in AIR.names:
+        if name != "arrival_ns":
+            assert ours[name] == pytest.approx(logged[name], abs=1e-6), name
+    last = logged[-1]
+    assert (last["airspeed_mps"], last["alt_msl_m"], last["coordinated"]) == (21.5, 480.0, 1.0)
+    assert last["yaw_deg"] == pytest.approx(np.degrees(1.57), abs=1e-4)
+    # from the north-west: the air goes south-east
+    assert last["own_wind_e_mps"] == pytest.approx(6.128, abs=1e-3)
+    assert last["own_wind_n_mps"] == pytest.approx(-5.142, abs=1e-3)
+
+
+def test_without_a_pitot_tube_an_airspeed_is_a_guess(tmp_path):
+    path = write(tmp_path / "flight.tlog", packed(windy()))
+    assert not any(isinstance(m, AirData) for m in live(path))
+    assert tlog.flight(tlog.read(path)).air.size == 0
 
 
 def test_clock_without_system_time_is_the_least_delay_so_far(tmp_path):

@@ -128,3 +128,18 @@ def test_a_refusal_leaves_no_traceback():
     done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1
+
+
+def test_screen_writes_beside_what_it_was_given(monkeypatch, capsys, tmp_path):
+    monkeypatch.setattr(sys, "argv", ["gcs", "screen", str(FEED), "--out", str(tmp_path)])
+    with pytest.raises(SystemExit) as left:
+        main()
+    assert not left.value.code
+    assert "azimuth" in capsys.readouterr().err
+    written = {path.name for path in tmp_path.iterdir()}
+    assert written == {"theo-north.cleaned.csv", "theo-north.flags.csv", "theo-north.svg"}
+
+
+def test_screen_refuses_what_is_no_feed(refused, tmp_path):
+    assert "No such file" in refused("screen", tmp_path / "nothing.csv")
+    assert "median" in refused("screen", FEED, "--out", tmp_path, "--method", "median")

@@ -110,3 +110,21 @@ def test_thousands_of_reasons(ledger):
     """A feed with every line damaged differently must not run out of reason numbers."""
     last = [ledger.reason(f"line {k}") for k in range(100_000)][-1]
     assert ledger.reasons[last] == "line 99999"
+
+
+def test_a_second_witness_is_heard_in_the_reason_and_changes_no_verdict(intake, ledger):
+    rows, _ = intake.enter(intake.polar("theo", shots((1, 500.0, 10.0, 20.0))))
+    verdicts = np.zeros(3, VERDICT)
+    verdicts["id"], verdicts["reason"], verdicts["final"] = rows["id"], [1, 1, 0], True
+    verdicts["verdict"] = [VERDICTS.index("isolated")] * 2 + [VERDICTS.index("used")]
+    verdicts["predicted"] = verdicts["sigma"] = np.nan
+    ledger.doubt(rows["id"][1:])
+    ledger.judge(verdicts)
+    agreed, alone = "innovation; screening agrees", "screening alone doubts it"
+    assert ledger.reason_texts(ledger.at(rows["id"])) == ["innovation", agreed, alone]
+    ledger.retire()
+    assert ledger.count_table()["theo"]["range"] == {"isolated": 1}
+    assert ledger.count_table(doubted=True)["theo"] == {
+        "azimuth": {"isolated": 1},
+        "elevation": {"used": 1},
+    }

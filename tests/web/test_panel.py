@@ -3,7 +3,7 @@
 import msgspec
 import pytest
 
-from gcs.messages import Event, Health, State
+from gcs.messages import Event, Health, State, Wind
 from tests.web.flight import SCENE, START_NS, messages
 from web import panel
 from web.colours import GOOD
@@ -33,7 +33,23 @@ def test_the_clock_is_utc_with_tenths():
 
 
 def test_every_write_differs_so_that_silence_shows():
-    assert panel.status(SCENE, STATE, "LIVE", GOOD, 1) != panel.status(SCENE, STATE, "LIVE", GOOD, 2)
+    assert panel.status(SCENE, STATE, None, "LIVE", GOOD, 1) != panel.status(
+        SCENE, STATE, None, "LIVE", GOOD, 2
+    )
+
+
+def test_the_wind_says_where_from_and_whether_it_is_known():
+    wind = Wind(
+        t_ns=STATE.t_ns, speed_mps=8.04, from_deg=310.2, e_mps=6.1, n_mps=-5.2,
+        covariance=(0.1, 0.0, 0.1), known=True, airspeed_scale=1.02,
+    )  # fmt: skip
+    said = panel.status(SCENE, STATE, wind, "LIVE", GOOD, 1)
+    assert "8.0 m/s" in said
+    assert "from <b>310°" in said
+    assert "not yet known" not in said
+    assert "not yet known" in panel.air(msgspec.structs.replace(wind, known=False), STATE.t_ns)
+    assert "12 s old" in panel.air(wind, STATE.t_ns + 12_000_000_000)
+    assert "wind" not in panel.status(SCENE, STATE, None, "LIVE", GOOD, 1)
 
 
 def test_a_sensor_says_rate_share_and_delay():
