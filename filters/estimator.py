@@ -178,7 +178,7 @@ class Estimator:
             round(1e9 * s) for s in (settings.cell_s, settings.horizon_s, settings.lateness_s)
         )
         self._rows, self._size, self._done, self._final = room(4096), 0, 0, 0
-        self._out, self._spare = windows.trace(1024, n, 256), windows.trace(1024, n, 256)
+        self._out, self._spare = windows.trace(1024, n, 1), windows.trace(1024, n, 1)
         self._work = windows.scratch(n)
         self._r, self._N = np.zeros(n), np.zeros((n, n))
         self._recent = np.zeros((len(sensors), len(CHANNELS), 2))
@@ -347,7 +347,7 @@ class Estimator:
     def _doubt_motion(self, end: int) -> None:
         """Decide again at once, where what was just refused may be a jolt."""
         if not self._young() and rivals.jolt(self._rows, self._decided, end) < end:
-            self._redecide(self._decided, end)
+            self._redecide(self._decided, end, 0)
 
     def _young(self) -> bool:
         """Whether the first fix itself may still be what is wrong."""
@@ -374,9 +374,9 @@ class Estimator:
     def _close(self, boundary_ns: int) -> None:
         """End the cell: decide again, move the anchor, take a snapshot."""
         rows, begin, end, s = self._rows, self._decided, self._done, self.settings
-        if s.horizon_s > 0:
-            self._redecide(begin, end)
         cut = begin + int(np.searchsorted(rows.t[begin:end], boundary_ns - self._horizon_ns))
+        if s.horizon_s > 0:
+            self._redecide(begin, end, cut - begin)
         left = self._leave(begin, cut)
         self._boundary_ns, self._decided = boundary_ns, cut
         judged = tuple(getattr(rows, name)[cut:end].copy() for name in JUDGED)
@@ -406,13 +406,17 @@ class Estimator:
         if snapshot.anchor.t_ns >= self._marks[-1][1].t_ns + MARK_NS:
             self._marks.append((snapshot.decided, snapshot.anchor))
 
-    def _redecide(self, begin: int, end: int) -> None:
-        """Weigh all rows of the window again, hear the rivals, take the best story; the head follows."""
+    def _redecide(self, begin: int, end: int, keep: int) -> None:
+        """Weigh all rows of the window again, hear the rivals, take the best story; the head follows.
+
+        States are smoothed for the first ``keep`` rows: those that leave the window now.
+        """
         rows = self._rows
         if end - begin > len(self._out.v):
             self._out, self._spare = (
-                windows.trace(2 * (end - begin), len(self._head.x), 256) for _ in range(2)
+                windows.trace(2 * (end - begin), len(self._head.x), 1) for _ in range(2)
             )
+        self._out, self._spare = (windows.keeping(out, keep) for out in (self._out, self._spare))
         for s in np.flatnonzero(self.model.is_ins):
             noise.shake(rows, begin, end, s, self.model.variance, self._scale[1])
         cost = self._settle(begin, end, self._anchor, self._head, self._out)

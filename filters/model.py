@@ -8,7 +8,7 @@ from numba import njit
 
 from filters import ins, motion, theodolite
 from filters.rows import AZIMUTH, CHANNELS, ELEVATION, RANGE, RANGE_RATE, E, Sensor
-from filters.unscented import transform
+from filters.unscented import transform, transform_position
 
 SLOTS = (
     11  # the most state entries one row can depend on: position, velocity, acceleration, clock, zero error
@@ -151,9 +151,11 @@ def _observe_instrument(model, sensor, channel, x, P, clock, index, gain, work):
                 C[i, j] = P[i, j]
     else:
         _at_true_time(x, P, clock, d, y, C)
-    value, extra = transform(
-        channel, y, C, model.offset[sensor], model.rotation[sensor], model.bend[sensor], d, g, work[8:16]
-    )
+    where = model.offset[sensor], model.rotation[sensor], model.bend[sensor]
+    if d == 3:
+        value, extra = transform_position(channel, y, C, *where, g)
+    else:
+        value, extra = transform(channel, y, C, *where, d, g, work[8:16])
     for i in range(d):
         index[i], gain[i] = i, g[i]
     if clock < 0:

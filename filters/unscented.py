@@ -12,7 +12,7 @@ import math
 
 from numba import njit
 
-from filters import radar
+from filters import radar, theodolite
 from filters.rows import AZIMUTH, ELEVATION
 
 SPREAD = math.sqrt(3.0)
@@ -62,6 +62,53 @@ def _measure(channel, y, offset, rotation, bend, d):
         rotation[2, 0] * y[3] + rotation[2, 1] * y[4] + rotation[2, 2] * y[5],
     )
     return radar.observe(channel, p, v, bend)
+
+
+@njit(cache=True, fastmath=True)
+def transform_position(channel, y, C, offset, rotation, bend, g):
+    """`transform` where d = 3, in scalars: the inner loop of everything, and four times as fast."""
+    l00 = math.sqrt(C[0, 0]) if C[0, 0] > 0.0 else 0.0
+    i00 = 1.0 / l00 if l00 > 0.0 else 0.0
+    l10, l20 = C[1, 0] * i00, C[2, 0] * i00
+    rest = C[1, 1] - l10 * l10
+    l11 = math.sqrt(rest) if rest > 0.0 else 0.0
+    i11 = 1.0 / l11 if l11 > 0.0 else 0.0
+    l21 = (C[2, 1] - l20 * l10) * i11
+    rest = C[2, 2] - l20 * l20 - l21 * l21
+    l22 = math.sqrt(rest) if rest > 0.0 else 0.0
+    i22 = 1.0 / l22 if l22 > 0.0 else 0.0
+    p = _turn(rotation, y[0] - offset[0], y[1] - offset[1], y[2] - offset[2])
+    centre = theodolite.observe(channel, p, bend)
+    total = square = extra = s0 = s1 = s2 = 0.0
+    for k in range(3):
+        a, b, c = (l00, l10, l20) if k == 0 else ((0.0, l11, l21) if k == 1 else (0.0, 0.0, l22))
+        e = _turn(rotation, SPREAD * a, SPREAD * b, SPREAD * c)
+        up = theodolite.observe(channel, (p[0] + e[0], p[1] + e[1], p[2] + e[2]), bend)
+        down = theodolite.observe(channel, (p[0] - e[0], p[1] - e[1], p[2] - e[2]), bend)
+        up, down = difference(channel, up, centre), difference(channel, down, centre)
+        slope = SPREAD * (up - down) / 6.0
+        total += (up + down) / 6.0
+        square += (up * up + down * down) / 6.0
+        extra -= slope * slope
+        if k == 0:
+            s0 = slope
+        elif k == 1:
+            s1 = slope
+        else:
+            s2 = slope
+    g[2] = s2 * i22
+    g[1] = (s1 - l21 * g[2]) * i11
+    g[0] = (s0 - l10 * g[1] - l20 * g[2]) * i00
+    return centre + total, extra + square - total * total
+
+
+@njit(cache=True, fastmath=True)
+def _turn(rotation, a, b, c):
+    return (
+        rotation[0, 0] * a + rotation[0, 1] * b + rotation[0, 2] * c,
+        rotation[1, 0] * a + rotation[1, 1] * b + rotation[1, 2] * c,
+        rotation[2, 0] * a + rotation[2, 1] * b + rotation[2, 2] * c,
+    )
 
 
 @njit(cache=True, fastmath=True)

@@ -46,6 +46,12 @@ class Trace(NamedTuple):
     P: np.ndarray  # (k, n, n) the same for the covariance; fewer entries keep fewer epochs
 
 
+def keeping(out: Trace, keep: int) -> Trace:
+    """The same with room for the states of the first ``keep`` rows, at least one. Smoothing is costly."""
+    n = out.m.shape[1]
+    return out._replace(x=np.zeros((max(keep, 1), n)), P=np.zeros((max(keep, 1), n, n)))
+
+
 def trace(rows: int, n: int, keep: int) -> Trace:
     """Room for ``rows`` rows and ``n`` states, smoothed states for the first ``keep`` of the rows."""
     f = np.zeros
