@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from filters.correction import off
-from gcs.compiled import drop_stale
+from gcs.compiled import prepare
 from gcs.config import Station
 from gcs.console import Console
 from gcs.frames import Frame, scene
@@ -57,7 +57,7 @@ def new_session(
     if send_to:
         names = ["ins", *(sensor.name for sensor in station.sensor)]
         sinks.append(Publisher(frame, Monitor(names, feeds), send_to))
-    drop_stale()
+    prepare()
     session = Session(station, frame, sinks, method, correction)
     session.estimator.warm_up()
     return session

@@ -4,13 +4,13 @@ import os
 
 import pytest
 
-from gcs.compiled import drop_stale
+from gcs.compiled import prepare
 
 MAY_MISS = "shared/data"
 
 
 def pytest_sessionstart():
-    drop_stale()
+    prepare()
 
 
 @pytest.hookimpl(trylast=True)
