@@ -3,6 +3,7 @@
 Exit codes: 0 done, 1 the run failed, 2 wrong usage or input (one line on stderr, no traceback).
 """
 
+import os
 import signal
 import sys
 import threading
@@ -332,8 +333,16 @@ def _speed(text: str) -> float:
 
 
 def _on_signal(action) -> None:
+    """Call ``action`` at SIGINT or SIGTERM, in a thread: the handler may interrupt one that holds a lock."""
+    heard, tell = os.pipe()
+
+    def wait() -> None:
+        os.read(heard, 1)
+        action()
+
+    threading.Thread(target=wait, daemon=True).start()
     for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: action())
+        signal.signal(number, lambda *_: os.write(tell, b"."))
 
 
 def _stopped() -> threading.Event:

@@ -1,9 +1,11 @@
 """The demo and the doctor, as an operator starts them."""
 
 import json
+import signal
 import socket
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -34,6 +36,32 @@ def test_the_demo_flies_live_and_ends(tmp_path, ports):
     assert set(summary["verdicts"]) == {"ins", "theo-north", "theo-east", "radar-1"}
     assert all(channels for channels in summary["verdicts"].values())
     assert len((tmp_path / "track.csv").read_text().splitlines()) > 50
+
+
+def test_two_signals_at_once_end_it_cleanly(tmp_path, ports):
+    """As a stopped ``make demo`` sends them: one to the group, one from make."""
+    settings = f"bus.endpoint=tcp/127.0.0.1:{ports[0]}", f"mavlink.link=udpin:127.0.0.1:{ports[1]}"
+    command = [
+        sys.executable,
+        "-m",
+        "gcs",
+        "demo",
+        "--no-view",
+        "--out",
+        str(tmp_path),
+        "--config",
+        *settings,
+    ]
+    running = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+    for line in running.stderr:
+        if line.startswith("bus:"):
+            break
+    time.sleep(2.0)
+    for _ in range(20):
+        running.send_signal(signal.SIGTERM)
+    assert running.wait(30) == 0
+    running.stderr.close()
+    assert (tmp_path / "summary.json").exists()
 
 
 def test_the_doctor_finds_what_is_wrong(capsys, ports):
