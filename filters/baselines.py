@@ -91,7 +91,7 @@ class Baseline:
         t, sensor, channel = rows["t_ns"], rows["sensor"], rows["channel"]
         noise, jerk = self.model.variance[sensor, channel], np.full(len(rows), self.model.jerk_psd)
         given = windows.Given(t, sensor, channel, rows["value"], noise, jerk, weight)
-        out, work = windows.trace(end, n, end), windows.scratch(n)
+        out, work = windows.trace(end, n, end), models.scratch(n)
         windows.ahead(self.model, given, 0, end, x, P, t[0], out, work)
         r, N = np.zeros(n), np.zeros((n, n))
         windows.back(self.model, given, 0, end, out, r, N, work)
@@ -126,7 +126,7 @@ class Baseline:
         weight, predicted, sigma = (np.zeros(len(rows)) for _ in range(3))
         follow(
             self.model, *columns, self._newest_ns, self._jerk_psd, self._imq, self._mind,
-            weight, predicted, sigma, nis, x, P, windows.scratch(n),
+            weight, predicted, sigma, nis, x, P, windows.trace(1, n, 1), models.scratch(n),
         )  # fmt: skip
         self._newest_ns = rows["t_ns"][-1]
         self._rows.append(rows)
@@ -147,11 +147,10 @@ def _track(t_ns, x, P) -> np.ndarray:
 
 @njit(cache=True)
 def follow(
-    model, t, sensor, channel, value, t_ns, jerk_psd, imq, mind, weight, predicted, sigma, nis, x, P, work
+    model, t, sensor, channel, value, t_ns, jerk_psd, imq, mind, weight, predicted, sigma, nis, x, P, out, work
 ):  # fmt: skip
     """Filter rows (n,) from ``mind`` at ``t_ns``, in place; the state after each epoch to ``x``, ``P``."""
-    index, gain = np.zeros(models.SLOTS, np.int64), np.zeros(models.SLOTS)
-    m, evidence, epoch = np.zeros(x.shape[1]), np.zeros(len(jerk_psd)), 0
+    evidence, epoch = np.zeros(len(jerk_psd)), 0
     for i in range(len(t)):
         s, c = sensor[i], channel[i]
         noise = model.variance[s, c]
@@ -163,12 +162,12 @@ def follow(
             evidence[:] = 0.0
             t_ns = t[i]
         for k, chance in enumerate(mind.chance):
-            seen, variance, _ = models.predict_row(model, s, c, mind.x[k], mind.P[k], index, gain, m, work)
+            seen, variance = models.predict_row(model, s, c, mind.x[k], mind.P[k], out, 0, work)
             v = difference(c, value[i], seen)
             u2 = v * v / (variance + noise)
             w = _imq(v * v / noise) if imq else _huber(u2)
             S = variance + noise / w
-            windows.update(mind.x[k], mind.P[k], m, v, S)
+            windows.update(mind.x[k], mind.P[k], out.m[0], v, S)
             evidence[k] -= 0.5 * (v * v / S + np.log(S))
             weight[i] += chance * w
             predicted[i] += chance * (value[i] - v)

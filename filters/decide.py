@@ -4,6 +4,7 @@ import numpy as np
 from numba import njit
 
 from filters import outlier
+from filters.kernel import exact
 from filters.model import predict_row
 from filters.motion import predict
 from filters.rows import AE, RANGE_RATE
@@ -14,6 +15,7 @@ REPEAT = 4  # passes over the window at most; one is enough while nothing change
 OUTBREAK = outlier.HARD**2
 CONTINUED = 2.5
 SETTLED = 0.05  # a change of weight that is no change
+HOPELESS = 30.0  # cost above the best story's, from the second pass on
 
 
 @njit(cache=True)
@@ -29,19 +31,18 @@ def admit(model, rows, begin, end, x, P, t_ns, jerk, variance, run, soft, hard, 
     """
     predict(x, P, (rows.t[begin] - t_ns) * 1e-9, jerk, model.rate, model.prior)
     out.x[0], out.P[0] = x, P
-    index, gain, m = out.index[0], out.gain[0], out.m[0]
     doubt = np.zeros(end - begin)
     for i in range(begin, end):
         s, c = rows.sensor[i], rows.channel[i]
         rows.noise[i], rows.jerk[i] = variance[s, c], jerk
-        seen, spread, _ = predict_row(model, s, c, x, P, index, gain, m, work)
+        seen, spread = predict_row(model, s, c, x, P, out, 0, work)
         doubt[i - begin] = abs(difference(c, rows.value[i], seen)) / np.sqrt(spread + rows.noise[i])
     fixed = False
     order = np.argsort(doubt) if doubt.max() > soft else np.arange(end - begin)
     for k in order:
         i = begin + k
         s, c = rows.sensor[i], rows.channel[i]
-        seen, spread, _ = predict_row(model, s, c, x, P, index, gain, m, work)
+        seen, spread = predict_row(model, s, c, x, P, out, 0, work)
         noise = rows.noise[i]
         v, sigma = difference(c, rows.value[i], seen), np.sqrt(spread + noise)
         after = patient and run[s, c, 0] > 0.0
@@ -52,27 +53,30 @@ def admit(model, rows, begin, end, x, P, t_ns, jerk, variance, run, soft, hard, 
         rows.weight[i], rows.off[i], rows.predicted[i], rows.sigma[i] = w, v, rows.value[i] - v, sigma
         rows.nis[i] = (v / sigma) ** 2
         if w > 0.0:
-            update(x, P, m, v, spread + noise / w)
+            update(x, P, out.m[0], v, spread + noise / w)
             fixed |= c < AE and c != RANGE_RATE
     return fixed
 
 
 @njit(cache=True)
-def settle(model, rows, begin, end, x0, P0, t0_ns, soft, hard, x, P, out, work, r, N, recent):
+def settle(model, rows, begin, end, x0, P0, t0_ns, soft, hard, best, x, P, out, work, r, N, recent):
     """Weigh rows ``begin`` to ``end`` again, each by what all the others say, from their weights as they are.
 
-    ``x0, P0`` at ``t0_ns`` is the anchor; the head state goes to ``x``, ``P``. Returns the `cost`.
+    ``x0, P0`` at ``t0_ns`` is the anchor; the head state goes to ``x``, ``P``. Gives up where the cost stays
+    far above the ``best``. Returns the `cost` and its slope by the density of the jerk.
     """
-    total = 0.0
-    for _ in range(REPEAT):
+    total = slope = 0.0
+    for again in range(REPEAT):
         x[:], P[:] = x0, P0
         ahead(model, rows, begin, end, x, P, t0_ns, out, work)
         r[:], N[:] = 0.0, 0.0
-        back(model, rows, begin, end, out, r, N, work)
+        slope = back(model, rows, begin, end, out, r, N, work)
         total = cost(rows, begin, end, out, recent)
+        if again > 0 and total > best + HOPELESS:
+            break
         if reweigh(rows, begin, end, soft, hard, out, recent) < SETTLED:
             break
-    return total
+    return total, slope
 
 
 @njit(cache=True)
@@ -83,7 +87,7 @@ def price(model, rows, begin, end, x0, P0, t0_ns, x, P, out, work, recent):
     return cost(rows, begin, end, out, recent)
 
 
-@njit(cache=True)
+@exact
 def cost(rows, begin, end, out, recent):
     """−2 log likelihood of the window under its verdicts, up to a constant: the lower, the better the story.
 
@@ -106,7 +110,7 @@ def cost(rows, begin, end, out, recent):
     return total
 
 
-@njit(cache=True)
+@exact
 def reweigh(rows, begin, end, soft, hard, out, recent):
     """New weights from the residuals against all other rows; returns the largest change.
 

@@ -179,7 +179,7 @@ class Estimator:
         )
         self._rows, self._size, self._done, self._final = room(4096), 0, 0, 0
         self._out, self._spare = windows.trace(1024, n, 1), windows.trace(1024, n, 1)
-        self._work = windows.scratch(n)
+        self._work = models.scratch(n)
         self._r, self._N = np.zeros(n), np.zeros((n, n))
         self._recent = np.zeros((len(sensors), len(CHANNELS), 2))
         self._newest_ns, self._fixed_ns, self._told, self._marks = LONG_AGO_NS, 0, 0, []
@@ -419,11 +419,12 @@ class Estimator:
         self._out, self._spare = (windows.keeping(out, keep) for out in (self._out, self._spare))
         for s in np.flatnonzero(self.model.is_ins):
             noise.shake(rows, begin, end, s, self.model.variance, self._scale[1])
-        cost = self._settle(begin, end, self._anchor, self._head, self._out)
-        cost = self._follow_jerk(begin, end, cost)
+        cost, slope = self._settle(begin, end, self._anchor, self._head, self._out)
+        cost = self._follow_jerk(begin, end, cost, slope)
         cost = self._hear_jolt(begin, end, cost)
         deep = self._boundary_ns // self._cell_ns % DEEP == 0
-        for weights, margin in rivals.weights(rows, begin, end, self._out, len(self.sensors), deep):
+        fresh = begin + int(np.searchsorted(rows.t[begin:end], self._boundary_ns))
+        for weights, margin in rivals.weights(rows, begin, end, fresh, self._out, len(self.sensors), deep):
             cost = self._hear(begin, end, weights, self._anchor, cost, margin)
         young = self._young()
         unheard = young and rivals.lost(rows, begin, end, len(self.sensors))
@@ -447,15 +448,13 @@ class Estimator:
             others < WITNESSES,
         )
 
-    def _follow_jerk(self, begin: int, end: int, cost: float) -> float:
+    def _follow_jerk(self, begin: int, end: int, cost: float, slope: float) -> float:
         """More jerk or less, where the window is likelier with it; all its rows are judged again then."""
         jerk, anchor, head = self._rows.jerk, self._anchor, self._head.copy()
         now = jerk[begin:end].copy()
         calm = now < motion.JOLT
-        for factor in (motion.STEP, 1.0 / motion.STEP):
-            other = self._jerk * factor
-            if not motion.CALMEST <= other <= motion.WILDEST:
-                continue
+        other = self._jerk * (motion.STEP if slope < 0.0 else 1.0 / motion.STEP)
+        if motion.CALMEST <= other <= motion.WILDEST and slope * (self._jerk - other) > motion.SURER:
             jerk[begin:end] = np.where(calm, other, now)
             price = decide.price(
                 self.model, self._rows, begin, end, anchor.x, anchor.P, anchor.t_ns, head.x, head.P,
@@ -463,7 +462,7 @@ class Estimator:
             )  # fmt: skip
             if price < cost - motion.SURER:
                 self._jerk = other
-                return self._settle(begin, end, anchor, self._head, self._out)
+                return self._settle(begin, end, anchor, self._head, self._out)[0]
         jerk[begin:end] = np.where(calm, self._jerk, now)
         return cost
 
@@ -476,10 +475,10 @@ class Estimator:
             cost = self._hear(begin, end, weights, self._anchor, cost, rivals.MARGIN, jolt)
         return cost
 
-    def _settle(self, begin: int, end: int, anchor: Moment, head: Moment, out: windows.Trace) -> float:
+    def _settle(self, begin, end, anchor: Moment, head: Moment, out: windows.Trace, best: float = np.inf):
         s = self.settings
         return decide.settle(
-            self.model, self._rows, begin, end, anchor.x, anchor.P, anchor.t_ns, s.soft, s.hard,
+            self.model, self._rows, begin, end, anchor.x, anchor.P, anchor.t_ns, s.soft, s.hard, best,
             head.x, head.P, out, self._work, self._r, self._N, self._recent,
         )  # fmt: skip
 
@@ -495,7 +494,7 @@ class Estimator:
         self._rows.weight[begin:end] = weights
         if jolt is not None:
             self._rows.jerk[jolt:end] = motion.JOLT
-        other = self._settle(begin, end, anchor, head, self._spare)
+        other, _ = self._settle(begin, end, anchor, head, self._spare, cost)
         explained = jolt is None or rivals.explained(self._rows, jolt, end)
         if explained and other < cost - margin:
             self._out, self._spare = self._spare, self._out

@@ -31,11 +31,10 @@ def admit(model, rows, begin, end, x, P, t_ns, jerk, variance, run, soft, hard, 
     """
     predict(x, P, (rows.t[begin] - t_ns) * 1e-9, jerk, model.rate, model.prior)
     out.x[0], out.P[0] = x, P
-    index, gain, m = out.index[0], out.gain[0], out.m[0]
     for i in range(begin, end):
         s, c = rows.sensor[i], rows.channel[i]
         rows.noise[i], rows.jerk[i] = variance[s, c], jerk
-        seen, spread, _ = predict_row(model, s, c, x, P, index, gain, m, work)
+        seen, spread = predict_row(model, s, c, x, P, out, 0, work)
         d, sigma = difference(c, rows.value[i], seen), np.sqrt(spread + rows.noise[i])
         beta = outlier.weight(d / sigma, soft, hard)
         if beta < 1.0 and run[s, c, 0] + 1 >= outlier.RUN:
@@ -45,8 +44,9 @@ def admit(model, rows, begin, end, x, P, t_ns, jerk, variance, run, soft, hard, 
     for i in range(begin, end):
         if rows.weight[i] > 0.0:
             s, c = rows.sensor[i], rows.channel[i]
-            seen, spread, _ = predict_row(model, s, c, x, P, index, gain, m, work)
-            update(x, P, m, difference(c, rows.value[i], seen), (spread + rows.noise[i]) / rows.weight[i])
+            seen, spread = predict_row(model, s, c, x, P, out, 0, work)
+            v = difference(c, rows.value[i], seen)
+            update(x, P, out.m[0], v, (spread + rows.noise[i]) / rows.weight[i])
 
 
 @njit(cache=True)

@@ -4,15 +4,18 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
+from filters.kernel import kernel
 
 from filters import ins, motion, theodolite
-from filters.rows import AZIMUTH, CHANNELS, ELEVATION, RANGE, RANGE_RATE, E, Sensor
-from filters.unscented import transform, transform_position
+from filters.rows import AE, AZIMUTH, CHANNELS, ELEVATION, RANGE, RANGE_RATE, E, Sensor
+from filters.unscented import transform_position, transform_rate
 
 SLOTS = (
     11  # the most state entries one row can depend on: position, velocity, acceleration, clock, zero error
 )
+
+
+MEAN, COV, SCRATCH = 6, 7, 21  # rows of the working space: see `_at_true_time`
 
 
 class Model(NamedTuple):
@@ -77,6 +80,11 @@ def build(
     )
 
 
+def scratch(n: int) -> np.ndarray:
+    """Working space for one row and ``n`` states, and of the passes over many."""
+    return np.zeros((SCRATCH, n))
+
+
 def floating(model: Model) -> bool:
     """Whether every sensor's clock is to be estimated, so that none says what the time is."""
     return bool(np.all(model.clock_at >= 0))
@@ -109,87 +117,125 @@ def common_shift(model: Model, x: np.ndarray) -> float:
     return float(x[model.clock_at][order][np.searchsorted(weight, weight[-1] / 2)])
 
 
-@njit(cache=True, fastmath=True)
-def predict_row(model, sensor, channel, x, P, index, gain, m, work):
-    """What the state says about one row: (predicted value, its variance without noise, non-zero derivatives).
+@kernel
+def predict_row(model, sensor, channel, x, P, out, k, work):
+    """What the state says about one row: predicted value, and its variance without noise.
 
-    The gradient goes to ``index``, ``gain`` (SLOTS,), the cross-covariance P h to ``m`` (n,).
+    Into row ``k`` of ``out``: how many derivatives are not zero (``count``), which (``index``), what they are
+    (``gain``), and the cross-covariance P h (``m``). ``work``: see `scratch`.
     """
     bias, clock = model.bias_at[sensor, channel], model.clock_at[sensor]
-    extra = 0.0
     if model.is_ins[sensor]:
-        value, count = ins.observe(channel, x, bias, clock, index, gain)
-    else:
-        value, extra, count = _observe_instrument(model, sensor, channel, x, P, clock, index, gain, work)
-        if bias >= 0:
-            index[count], gain[count] = bias, 1.0
-            value += x[bias]
-            count += 1
-    n = x.size
-    row, factor = P[index[0]], gain[0]
-    for j in range(n):
-        m[j] = factor * row[j]
-    for k in range(1, count):
-        row, factor = P[index[k]], gain[k]
-        for j in range(n):
-            m[j] += factor * row[j]
-    variance = extra
-    for k in range(count):
-        variance += gain[k] * m[index[k]]
-    return value, variance, count
-
-
-@njit(cache=True, fastmath=True)
-def _observe_instrument(model, sensor, channel, x, P, clock, index, gain, work):
-    """The unscented transform at the instrument's true time, t − c: y = p − v c + ½ a c² (and its rate)."""
+        return _predict_ins(channel, x, P, bias, clock, out.index, out.gain, out.count, out.m, k)
+    index, gain, m, n = out.index, out.gain, out.m, x.size
     d = 6 if channel == RANGE_RATE else 3
-    y, g, C = work[0], work[1], work[2:8]
-    if clock < 0:
-        for i in range(d):
-            y[i] = x[i]
-            for j in range(d):
-                C[i, j] = P[i, j]
-    else:
-        _at_true_time(x, P, clock, d, y, C)
-    where = model.offset[sensor], model.rotation[sensor], model.bend[sensor]
+    _at_true_time(x, P, clock, d, work)
     if d == 3:
-        value, extra = transform_position(channel, y, C, *where, g)
+        y = work[MEAN, 0], work[MEAN, 1], work[MEAN, 2]
+        C = (
+            work[COV, 0], work[COV + 1, 0], work[COV + 1, 1],
+            work[COV + 2, 0], work[COV + 2, 1], work[COV + 2, 2],
+        )  # fmt: skip
+        value, variance, g = transform_position(
+            channel, y, C, model.offset, model.rotation, model.bend, sensor
+        )
+        for j in range(n):
+            m[k, j] = g[0] * work[0, j] + g[1] * work[1, j] + g[2] * work[2, j]
+        for i in range(3):
+            index[k, i], gain[k, i] = i, g[i]
     else:
-        value, extra = transform(channel, y, C, *where, d, g, work[8:16])
-    for i in range(d):
-        index[i], gain[i] = i, g[i]
+        value, variance = transform_rate(
+            work[MEAN], work[COV : COV + 6], model.offset, model.rotation, sensor, gain[k], work[COV + 6 :]
+        )
+        m[k] = 0.0
+        for i in range(6):
+            index[k, i] = i
+            for j in range(n):
+                m[k, j] += gain[k, i] * work[i, j]
+    count = d if clock < 0 else _through_clock(x, clock, d, index, gain, k)
+    if bias >= 0:
+        index[k, count], gain[k, count] = bias, 1.0
+        count += 1
+        value += x[bias]
+        variance += 2.0 * m[k, bias] + P[bias, bias]
+        for j in range(n):
+            m[k, j] += P[bias, j]
+    out.count[k] = count
+    return value, variance
+
+
+@kernel
+def _predict_ins(channel, x, P, bias, clock, index, gain, count, m, k):
+    value, count[k] = ins.observe(channel, x, bias, clock, index, gain, k)
+    first, n = index[k, 0], x.size
+    for j in range(n):
+        m[k, j] = P[first, j]
+    for i in range(1, count[k]):
+        a, g = index[k, i], gain[k, i]
+        for j in range(n):
+            m[k, j] += g * P[a, j]
+    variance = 0.0
+    for i in range(count[k]):
+        variance += gain[k, i] * m[k, index[k, i]]
+    if clock >= 0 and channel < AE:
+        value -= P[first + 3, clock]
+        variance += _product(P, first, first, clock)
+    return value, variance
+
+
+@kernel
+def _at_true_time(x, P, clock, d, work):
+    """Position (and velocity) at an instrument's true time t − c: y = p − v c + ½ a c², v − a c.
+
+    Into ``work``: mean y (d,) at MEAN, covariance (d, d) at COV, covariance of y with the state (d, n) at 0.
+    The products of the uncertain v and c count too: E vc = v c + P_vc, var vc = linear part + P_vv P_cc + P_vc².
+    """
+    n = x.size
     if clock < 0:
-        return value, extra, d
+        for k in range(d):
+            work[MEAN, k] = x[k]
+            for j in range(n):
+                work[k, j] = P[k, j]
+            for j in range(k + 1):
+                work[COV + k, j] = P[k, j]
+        return
+    c = x[clock]
+    half = 0.5 * c * c
+    for k in range(3):
+        a = x[k + 6]
+        rate = x[k + 3] - c * a
+        work[MEAN, k] = x[k] - c * rate - half * a - P[k + 3, clock] + 0.5 * a * P[clock, clock]
+        for j in range(n):
+            work[k, j] = P[k, j] - c * P[k + 3, j] + half * P[k + 6, j] - rate * P[clock, j]
+    for k in range(3, d):
+        rate = x[k + 3]
+        work[MEAN, k] = x[k] - c * rate - P[k + 3, clock]
+        for j in range(n):
+            work[k, j] = P[k, j] - c * P[k + 3, j] - rate * P[clock, j]
+    for k in range(d):
+        for i in range(k + 1):
+            rate, curved = x[i + 3], 0.0
+            if i < 3:
+                rate, curved = x[i + 3] - c * x[i + 6], half * work[k, i + 6]
+            work[COV + k, i] = (
+                work[k, i] - c * work[k, i + 3] + curved - rate * work[k, clock] + _product(P, k, i, clock)
+            )
+
+
+@kernel
+def _product(P, i, k, clock):
+    """What the linear part leaves out of the covariance of c·(rate of state i) and c·(rate of state k)."""
+    return P[i + 3, k + 3] * P[clock, clock] + P[i + 3, clock] * P[k + 3, clock]
+
+
+@kernel
+def _through_clock(x, clock, d, index, gain, k):
+    """Adds the derivatives by velocity, acceleration and clock to those by position (and velocity)."""
     c, slope = x[clock], 0.0
     for i in range(3):
-        rate = g[i + 3] if d == 6 else 0.0
-        index[i + 3], gain[i + 3] = i + 3, rate - c * g[i]
-        index[i + 6], gain[i + 6] = i + 6, 0.5 * c * c * g[i] - c * rate
-        slope -= g[i] * (x[i + 3] - c * x[i + 6]) + rate * x[i + 6]
-    index[9], gain[9] = clock, slope
-    return value, extra, 10
-
-
-@njit(cache=True, fastmath=True)
-def _at_true_time(x, P, clock, d, y, C):
-    """Mean ``y`` (d,) and covariance ``C`` (d, d) of position (and velocity) at t − c, c = x[clock]."""
-    c = x[clock]
-    for i in range(3):
-        y[i] = x[i] - c * x[i + 3] + 0.5 * c * c * x[i + 6]
-        y[i + 3] = x[i + 3] - c * x[i + 6]
-    for i in range(d):
-        ti = -y[i + 3] if i < 3 else -x[i + 3]
-        for j in range(i + 1):
-            tj = -y[j + 3] if j < 3 else -x[j + 3]
-            total = ti * tj * P[clock, clock]
-            for a in range(3 if i < 3 else 2):
-                fa = 1.0 if a == 0 else (-c if a == 1 else 0.5 * c * c)
-                total += fa * tj * P[i + 3 * a, clock]
-                for b in range(3 if j < 3 else 2):
-                    fb = 1.0 if b == 0 else (-c if b == 1 else 0.5 * c * c)
-                    total += fa * fb * P[i + 3 * a, j + 3 * b]
-            for b in range(3 if j < 3 else 2):
-                fb = 1.0 if b == 0 else (-c if b == 1 else 0.5 * c * c)
-                total += ti * fb * P[clock, j + 3 * b]
-            C[i, j] = total
-            C[j, i] = total
+        g, rate = gain[k, i], gain[k, i + 3] if d == 6 else 0.0
+        index[k, i + 3], gain[k, i + 3] = i + 3, rate - c * g
+        index[k, i + 6], gain[k, i + 6] = i + 6, 0.5 * c * c * g - c * rate
+        slope -= g * (x[i + 3] - c * x[i + 6]) + rate * x[i + 6]
+    index[k, 9], gain[k, 9] = clock, slope
+    return 10

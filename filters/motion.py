@@ -7,7 +7,7 @@ Navigation* (2001), 6.2.3 (white-noise jerk, discretised exactly) and 8.2 (Gauss
 """
 
 import numpy as np
-from numba import njit
+from filters.kernel import exact, kernel
 
 CORE = 9
 JERK_PSD = 10.0  # m²/s⁵ per axis, to begin with: 3 m/s³ held for about a second is ordinary
@@ -17,7 +17,7 @@ STEP = 3.0  # from one density to the next
 SURER = 3.0  # by which the window's cost, −2 log likelihood, has to fall for such a step
 
 
-@njit(cache=True)  # without fastmath: its reordering would cost P its exact symmetry
+@exact
 def predict(x, P, dt, jerk_psd, rate, variance):
     """Move ``x`` (n,) and ``P`` (n, n) ahead by ``dt`` seconds, in place.
 
@@ -50,7 +50,7 @@ def predict(x, P, dt, jerk_psd, rate, variance):
     _add_noise(P, dt, jerk_psd)
 
 
-@njit(cache=True)
+@exact
 def _add_noise(P, dt, jerk_psd):
     """White jerk over ``dt``: Bar-Shalom et al., eq. 6.2.3-9, per axis."""
     d2 = dt * dt
@@ -68,7 +68,19 @@ def _add_noise(P, dt, jerk_psd):
         P[i + 6, i + 6] += jerk_psd * aa
 
 
-@njit(cache=True, fastmath=True)
+@kernel
+def jerk_slope(r, N, dt):
+    """tr(Q N) − rᵀ Q r, Q the noise of unit white jerk over ``dt``."""
+    d2, slope = dt * dt, 0.0
+    for p in range(3):
+        v, a = p + 3, p + 6
+        slope += d2 * d2 * dt / 20 * (N[p, p] - r[p] * r[p]) + d2 * d2 / 4 * (N[p, v] - r[p] * r[v])
+        slope += d2 * dt / 3 * (N[p, a] - r[p] * r[a] + N[v, v] - r[v] * r[v])
+        slope += d2 * (N[v, a] - r[v] * r[a]) + dt * (N[a, a] - r[a] * r[a])
+    return slope
+
+
+@kernel
 def pull_back(r, N, dt, rate):
     """Carry what later rows say back by ``dt`` seconds, in place: r ← Fᵀ r, N ← Fᵀ N F, F of `predict`."""
     n = r.size

@@ -8,6 +8,7 @@ import math
 
 from numba import njit
 
+from filters.kernel import exact
 from filters.rows import DEWEIGHTED, ISOLATED, PATCH, USED
 
 HARD = 4.5  # sigmas; a normal value is beyond once in 150,000, an outlier of 6 sigma is inside once in 15
@@ -31,7 +32,7 @@ REASONS = (
 NONE, INNOVATION, IN_RUN, AMBIGUOUS, NOT_FINITE, NO_CHANNEL, TWICE, TOO_OLD, NO_STATE = range(len(REASONS))
 
 
-@njit(cache=True)
+@exact
 def weight(u, soft, hard):
     """IGG-III weight, 0 … 1, of a value ``u`` sigmas off."""
     u = abs(u)
@@ -42,7 +43,7 @@ def weight(u, soft, hard):
     return (soft / u) * ((hard - u) / (hard - soft)) ** 2
 
 
-@njit(cache=True)
+@exact
 def same_run(refused, off, noise):
     """Whether residual ``off`` may continue the run of the ``refused`` one beside it; ``noise``: 1-sigma."""
     return abs(refused) > AFTER * noise and abs(off - refused) < JUMP * math.sqrt(2.0) * noise

@@ -9,6 +9,7 @@ import numpy as np
 from numba import njit
 
 from filters import motion, outlier
+from filters.rows import CHANNELS
 
 JUMP = 3.2  # sigmas of a used row's innovation that may be the beginning of a run
 MOSTLY = 0.6  # refused share of a channel's rows that makes one doubt the others instead
@@ -20,10 +21,11 @@ MANY = 4  # rivals tried at most for jumps in one re-decision
 
 
 @njit(cache=True)
-def jumps(rows, begin, end, out):
-    """(k, 2) spans i ≤ … < j over which a channel may have been believed wrongly, by its first innovation."""
+def jumps(rows, begin, end, since, out):
+    """(k, 2) spans ``since`` ≤ i ≤ … < j over which a channel may have been believed wrongly, by its first
+    innovation."""
     spans, size, found = np.zeros((MANY, 2), np.int64), np.zeros(MANY), 0
-    for i in range(begin, end):
+    for i in range(since, end):
         z = out.v[i - begin] ** 2 / out.S[i - begin]
         if rows.weight[i] == 0.0 or z < JUMP**2:
             continue
@@ -44,11 +46,14 @@ def jumps(rows, begin, end, out):
     return spans[:found]
 
 
-def weights(rows, begin, end, out, sensors: int, deep: bool) -> list[tuple[np.ndarray, float]]:
-    """Starting weights (end − begin,) and margin of each rival; ``deep`` asks for the costly ones too."""
+def weights(rows, begin, end, fresh, out, sensors: int, deep: bool) -> list[tuple[np.ndarray, float]]:
+    """Starting weights (end − begin,) and margin of each rival; rows from ``fresh`` on are new.
+
+    ``deep`` asks for the costly ones too, and for old jumps again.
+    """
     weight = rows.weight[begin:end]
     found = []
-    for i, j in jumps(rows, begin, end, out):
+    for i, j in jumps(rows, begin, end, begin if deep else fresh, out):
         other, span = weight.copy(), slice(i - begin, j - begin)
         mine = (rows.sensor[i:j] == rows.sensor[i]) & (rows.channel[i:j] == rows.channel[i])
         other[span][mine] = 0.0
@@ -62,15 +67,19 @@ def weights(rows, begin, end, out, sensors: int, deep: bool) -> list[tuple[np.nd
 
 
 def jolt(rows, begin, end) -> int:
-    """The row from which an abrupt motion would explain what several sensors were just refused for.
+    """The row from which an abrupt motion would explain what several sensors are being refused for.
 
-    ``end`` where there is no such thing: fewer than two sensors refused within JOLT_NS.
+    ``end`` where there is no such thing: within JOLT_NS fewer than two sensors have a channel whose newest
+    row is refused.
     """
     first = begin + int(np.searchsorted(rows.t[begin:end], rows.t[end - 1] - JOLT_NS))
-    refused = first + np.flatnonzero((rows.weight[first:end] == 0.0) & (rows.jerk[first:end] < motion.JOLT))
-    if len(np.unique(rows.sensor[refused])) < 2:
+    refused = (rows.weight[first:end] == 0.0) & (rows.jerk[first:end] < motion.JOLT)
+    if np.count_nonzero(refused) < 2:
         return end
-    return int(refused[0])
+    sensor = rows.sensor[first:end]
+    _, newest = np.unique(sensor[::-1] * len(CHANNELS) + rows.channel[first:end][::-1], return_index=True)
+    still = refused[::-1][newest]
+    return first + int(np.argmax(refused)) if len(set(sensor[::-1][newest[still]])) > 1 else end
 
 
 def explained(rows, jolt, end) -> bool:

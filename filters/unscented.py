@@ -10,7 +10,7 @@ Statistical linear regression turns that into a gradient: g = C⁻¹ cov(y, z), 
 
 import math
 
-from numba import njit
+from filters.kernel import exact, kernel
 
 from filters import radar, theodolite
 from filters.rows import AZIMUTH, ELEVATION
@@ -18,19 +18,19 @@ from filters.rows import AZIMUTH, ELEVATION
 SPREAD = math.sqrt(3.0)
 
 
-@njit(cache=True, fastmath=True)
+@kernel
 def wrap(angle):
     """The same angle in [−π, π], radians."""
     return angle - 2.0 * math.pi * math.floor((angle + math.pi) / (2.0 * math.pi))
 
 
-@njit(cache=True, fastmath=True)
+@kernel
 def difference(channel, a, b):
     """a − b in the channel's units; angles the short way round."""
     return wrap(a - b) if channel in (AZIMUTH, ELEVATION) else a - b
 
 
-@njit(cache=True)
+@exact
 def cholesky(C, L, d):
     """Lower factor of the leading d×d block of ``C`` into ``L``; a diagonal lost to rounding is zero."""
     for j in range(d):
@@ -46,97 +46,82 @@ def cholesky(C, L, d):
                 L[i, j] = s / L[j, j] if L[j, j] > 0.0 else 0.0
 
 
-@njit(cache=True, fastmath=True)
-def _measure(channel, y, offset, rotation, bend, d):
-    p0, p1, p2 = y[0] - offset[0], y[1] - offset[1], y[2] - offset[2]
-    p = (
-        rotation[0, 0] * p0 + rotation[0, 1] * p1 + rotation[0, 2] * p2,
-        rotation[1, 0] * p0 + rotation[1, 1] * p1 + rotation[1, 2] * p2,
-        rotation[2, 0] * p0 + rotation[2, 1] * p1 + rotation[2, 2] * p2,
-    )
-    if d == 3:
-        return radar.observe(channel, p, p, bend)
-    v = (
-        rotation[0, 0] * y[3] + rotation[0, 1] * y[4] + rotation[0, 2] * y[5],
-        rotation[1, 0] * y[3] + rotation[1, 1] * y[4] + rotation[1, 2] * y[5],
-        rotation[2, 0] * y[3] + rotation[2, 1] * y[4] + rotation[2, 2] * y[5],
-    )
-    return radar.observe(channel, p, v, bend)
+@kernel
+def transform_position(channel, y, C, offset, rotation, bend, s):
+    """Mean and variance of the channel's value, and its gradient (3), where d = 3: the inner loop of everything.
 
-
-@njit(cache=True, fastmath=True)
-def transform_position(channel, y, C, offset, rotation, bend, g):
-    """`transform` where d = 3, in scalars: the inner loop of everything, and four times as fast."""
-    l00 = math.sqrt(C[0, 0]) if C[0, 0] > 0.0 else 0.0
+    ``y`` (3) mean and ``C`` (6) covariance by rows of its lower half, station ENU, as tuples: arrays cost four
+    times as much here. ``offset, rotation, bend``: the model's, of sensor ``s``.
+    """
+    l00 = math.sqrt(C[0]) if C[0] > 0.0 else 0.0
     i00 = 1.0 / l00 if l00 > 0.0 else 0.0
-    l10, l20 = C[1, 0] * i00, C[2, 0] * i00
-    rest = C[1, 1] - l10 * l10
+    l10, l20 = C[1] * i00, C[3] * i00
+    rest = C[2] - l10 * l10
     l11 = math.sqrt(rest) if rest > 0.0 else 0.0
     i11 = 1.0 / l11 if l11 > 0.0 else 0.0
-    l21 = (C[2, 1] - l20 * l10) * i11
-    rest = C[2, 2] - l20 * l20 - l21 * l21
+    l21 = (C[4] - l20 * l10) * i11
+    rest = C[5] - l20 * l20 - l21 * l21
     l22 = math.sqrt(rest) if rest > 0.0 else 0.0
     i22 = 1.0 / l22 if l22 > 0.0 else 0.0
-    p = _turn(rotation, y[0] - offset[0], y[1] - offset[1], y[2] - offset[2])
-    centre = theodolite.observe(channel, p, bend)
-    total = square = extra = s0 = s1 = s2 = 0.0
-    for k in range(3):
-        a, b, c = (l00, l10, l20) if k == 0 else ((0.0, l11, l21) if k == 1 else (0.0, 0.0, l22))
-        e = _turn(rotation, SPREAD * a, SPREAD * b, SPREAD * c)
-        up = theodolite.observe(channel, (p[0] + e[0], p[1] + e[1], p[2] + e[2]), bend)
-        down = theodolite.observe(channel, (p[0] - e[0], p[1] - e[1], p[2] - e[2]), bend)
-        up, down = difference(channel, up, centre), difference(channel, down, centre)
-        slope = SPREAD * (up - down) / 6.0
-        total += (up + down) / 6.0
-        square += (up * up + down * down) / 6.0
-        extra -= slope * slope
-        if k == 0:
-            s0 = slope
-        elif k == 1:
-            s1 = slope
-        else:
-            s2 = slope
-    g[2] = s2 * i22
-    g[1] = (s1 - l21 * g[2]) * i11
-    g[0] = (s0 - l10 * g[1] - l20 * g[2]) * i00
-    return centre + total, extra + square - total * total
+    p = _turn(rotation, s, y[0] - offset[s, 0], y[1] - offset[s, 1], y[2] - offset[s, 2])
+    s0, mean0, square0 = _pair(channel, p, _turn(rotation, s, l00, l10, l20), bend[s])
+    s1, mean1, square1 = _pair(channel, p, _turn(rotation, s, 0.0, l11, l21), bend[s])
+    s2, mean2, square2 = _pair(channel, p, _turn(rotation, s, 0.0, 0.0, l22), bend[s])
+    mean = mean0 + mean1 + mean2
+    g2 = s2 * i22
+    g1 = (s1 - l21 * g2) * i11
+    g0 = (s0 - l10 * g1 - l20 * g2) * i00
+    value = theodolite.observe(channel, p, bend[s]) + mean
+    return value, square0 + square1 + square2 - mean * mean, (g0, g1, g2)
 
 
-@njit(cache=True, fastmath=True)
-def _turn(rotation, a, b, c):
+@kernel
+def _pair(channel, p, column, bend):
+    """What the two points on either side of ``p`` add: slope, mean, mean square, all relative to ``p``."""
+    a, b, c = SPREAD * column[0], SPREAD * column[1], SPREAD * column[2]
+    up = theodolite.step(channel, p, (a, b, c), bend)
+    down = theodolite.step(channel, p, (-a, -b, -c), bend)
+    return SPREAD * (up - down) / 6.0, (up + down) / 6.0, (up * up + down * down) / 6.0
+
+
+@kernel
+def _turn(rotation, s, a, b, c):
     return (
-        rotation[0, 0] * a + rotation[0, 1] * b + rotation[0, 2] * c,
-        rotation[1, 0] * a + rotation[1, 1] * b + rotation[1, 2] * c,
-        rotation[2, 0] * a + rotation[2, 1] * b + rotation[2, 2] * c,
+        rotation[s, 0, 0] * a + rotation[s, 0, 1] * b + rotation[s, 0, 2] * c,
+        rotation[s, 1, 0] * a + rotation[s, 1, 1] * b + rotation[s, 1, 2] * c,
+        rotation[s, 2, 0] * a + rotation[s, 2, 1] * b + rotation[s, 2, 2] * c,
     )
 
 
-@njit(cache=True, fastmath=True)
-def transform(channel, y, C, offset, rotation, bend, d, g, work):
-    """Mean of the channel's value, and Ω; the gradient goes to ``g`` (d,).
+@kernel
+def transform_rate(y, C, offset, rotation, s, g, work):
+    """Mean and variance of the range rate; the gradient goes to ``g`` (6,).
 
-    ``y`` (d,) mean and ``C`` (d, d) covariance, station ENU; ``work`` (d + 2, d) scratch.
+    ``y`` (6,) mean and ``C`` (6, 6) covariance of position and velocity, station ENU; ``work`` (8, 6) scratch.
     """
-    L, moved, slope = work[:d], work[d], work[d + 1]
-    cholesky(C, L, d)
-    centre = _measure(channel, y, offset, rotation, bend, d)
+    L, moved, slope = work[:6], work[6], work[7]
+    cholesky(C, L, 6)
+    centre = _rate(y, offset, rotation, s)
     total = square = 0.0
-    for k in range(d):
-        for i in range(d):
+    for k in range(6):
+        for i in range(6):
             moved[i] = y[i] + SPREAD * L[i, k]
-        up = difference(channel, _measure(channel, moved, offset, rotation, bend, d), centre)
-        for i in range(d):
+        up = _rate(moved, offset, rotation, s) - centre
+        for i in range(6):
             moved[i] = y[i] - SPREAD * L[i, k]
-        down = difference(channel, _measure(channel, moved, offset, rotation, bend, d), centre)
+        down = _rate(moved, offset, rotation, s) - centre
         slope[k] = SPREAD * (up - down) / 6.0
         total += (up + down) / 6.0
         square += (up * up + down * down) / 6.0
-    extra = square - total * total
-    for k in range(d):
-        extra -= slope[k] * slope[k]
-    for k in range(d - 1, -1, -1):
-        s = slope[k]
-        for i in range(k + 1, d):
-            s -= L[i, k] * g[i]
-        g[k] = s / L[k, k] if L[k, k] > 0.0 else 0.0
-    return centre + total, extra
+    for k in range(5, -1, -1):
+        rest = slope[k]
+        for i in range(k + 1, 6):
+            rest -= L[i, k] * g[i]
+        g[k] = rest / L[k, k] if L[k, k] > 0.0 else 0.0
+    return centre + total, square - total * total
+
+
+@kernel
+def _rate(y, offset, rotation, s):
+    p = _turn(rotation, s, y[0] - offset[s, 0], y[1] - offset[s, 1], y[2] - offset[s, 2])
+    return radar.range_rate(p, _turn(rotation, s, y[3], y[4], y[5]))

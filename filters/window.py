@@ -10,10 +10,10 @@ e = v/S − Kᵀr and D = 1/S + KᵀNK, the residual of a row from all *others* 
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
+from filters.kernel import exact, kernel
 
 from filters.model import SLOTS, predict_row
-from filters.motion import CORE, predict, pull_back
+from filters.motion import CORE, JOLT, jerk_slope, predict, pull_back
 from filters.unscented import difference
 
 
@@ -71,12 +71,7 @@ def trace(rows: int, n: int, keep: int) -> Trace:
     )
 
 
-def scratch(n: int) -> np.ndarray:
-    """Working space of `ahead` and `back` for ``n`` states."""
-    return np.zeros((16, n))
-
-
-@njit(cache=True)  # without fastmath: its reordering would cost P its exact symmetry
+@exact
 def update(x, P, m, v, S):
     """Condition ``x`` and ``P`` on one innovation, in place: ``m`` = P h, ``S`` its variance with noise."""
     n = x.size
@@ -88,7 +83,7 @@ def update(x, P, m, v, S):
             P[i, j] -= s * (m[j] * scale)
 
 
-@njit(cache=True, fastmath=True)
+@kernel
 def ahead(model, rows, begin, end, x, P, t_ns, out, work):
     """Filter rows ``begin`` to ``end``, in place from ``x``, ``P`` at ``t_ns``; returns the time reached.
 
@@ -105,34 +100,36 @@ def ahead(model, rows, begin, end, x, P, t_ns, out, work):
                     out.x[k, a] = x[a]
                     for b in range(n):
                         out.P[k, a, b] = P[a, b]
-        s, c = rows.sensor[i], rows.channel[i]
-        m = out.m[k]
-        seen, variance, out.count[k] = predict_row(model, s, c, x, P, out.index[k], out.gain[k], m, work)
+        c = rows.channel[i]
+        seen, variance = predict_row(model, rows.sensor[i], c, x, P, out, k, work)
         out.v[k] = difference(c, rows.value[i], seen)
         out.S[k] = variance + rows.noise[i]
         if rows.weight[i] > 0.0:
-            update(x, P, m, out.v[k], variance + rows.noise[i] / rows.weight[i])
+            update(x, P, out.m[k], out.v[k], variance + rows.noise[i] / rows.weight[i])
     return t_ns
 
 
-@njit(cache=True, fastmath=True)
+@kernel
 def back(model, rows, begin, end, out, r, N, work):
     """Hold every row against all others; ``r`` (n,), ``N`` (n, n) say what came after, in place.
 
-    Fills ``out.off`` and ``out.sigma``, and smooths the states that ``out`` keeps. ``work``: see `scratch`.
+    Fills ``out.off`` and ``out.sigma``, and smooths the states that ``out`` keeps. ``work``: see `model.scratch`.
+    Returns the slope of −2 log likelihood by the density of the jerk, jolts left out (Koopman & Shephard 1992,
+    *Exact score for time series models in state space form*).
     """
-    n, Nm = r.size, work[0]
+    n, Nm, slope = r.size, work[0], 0.0
     for i in range(end - 1, begin - 1, -1):
         k = i - begin
-        m, v, S = out.m[k], out.v[k], out.S[k]
+        v, S = out.v[k], out.S[k]
         mr = mNm = 0.0
+        for b in range(n):
+            Nm[b] = 0.0
         for a in range(n):
-            s = 0.0
+            mr += out.m[k, a] * r[a]
             for b in range(n):
-                s += N[a, b] * m[b]
-            Nm[a] = s
-            mr += m[a] * r[a]
-            mNm += m[a] * s
+                Nm[b] += out.m[k, a] * N[a, b]
+        for a in range(n):
+            mNm += out.m[k, a] * Nm[a]
         if rows.weight[i] > 0.0:
             spare = rows.noise[i] / rows.weight[i] - rows.noise[i]
             S += spare
@@ -140,7 +137,7 @@ def back(model, rows, begin, end, out, r, N, work):
             D = 1.0 / S + mNm / (S * S)
             out.off[k] = e / D
             out.sigma[k] = np.sqrt(1.0 / D - spare)
-            _condense(out.index[k], out.gain[k], out.count[k], e, D, S, r, N, Nm)
+            _condense(out.index, out.gain, out.count[k], k, e, D, S, r, N, Nm, work[1])
         else:
             out.off[k] = v - mr
             out.sigma[k] = np.sqrt(S - mNm)
@@ -148,49 +145,50 @@ def back(model, rows, begin, end, out, r, N, work):
             if k < out.x.shape[0]:
                 _smooth(out.x[k], out.P[k], r, N, work[1:])
             if i > begin:
-                pull_back(r, N, (rows.t[i] - rows.t[i - 1]) * 1e-9, model.rate)
+                dt = (rows.t[i] - rows.t[i - 1]) * 1e-9
+                if rows.jerk[i] < JOLT:
+                    slope += jerk_slope(r, N, dt)
+                pull_back(r, N, dt, model.rate)
+    return slope
 
 
-@njit(cache=True, fastmath=True)
-def _condense(index, gain, count, e, D, S, r, N, Nm):
-    """r ← r + h e;  N ← (I − K hᵀ)ᵀ N (I − K hᵀ) + h hᵀ / S, written as N − (Nm hᵀ + h Nmᵀ)/S + h hᵀ D."""
+@kernel
+def _condense(index, gain, count, k, e, D, S, r, N, Nm, h):
+    """r ← r + h e;  N ← (I − K hᵀ)ᵀ N (I − K hᵀ) + h hᵀ / S, written as N − w hᵀ − h wᵀ, w = Nm/S − ½ D h."""
     n = r.size
+    for a in range(n):
+        h[a] = 0.0
     for p in range(count):
-        a, ga = index[p], gain[p]
-        r[a] += ga * e
+        h[index[k, p]] += gain[k, p]
+    for a in range(n):
+        r[a] += h[a] * e
+        Nm[a] = Nm[a] / S - 0.5 * D * h[a]
+    for a in range(n):
         for b in range(n):
-            N[a, b] -= ga * Nm[b] / S
-    for p in range(count):
-        a, ga = index[p], gain[p]
-        for b in range(n):
-            N[b, a] -= ga * Nm[b] / S
-        for q in range(count):
-            N[a, index[q]] += ga * gain[q] * D
+            N[a, b] -= Nm[a] * h[b] + h[a] * Nm[b]
 
 
-@njit(cache=True, fastmath=True)
+@kernel
 def _smooth(x, P, r, N, work):
     """x + P r, and P − P N P in the core block, in place; ``work`` (CORE + 1, n) is scratch."""
     n = r.size
     row, loss = work[0], work[1:]
     for a in range(n):
-        s = 0.0
+        row[a] = 0.0
         for b in range(n):
-            s += P[a, b] * r[b]
-        row[a] = s
+            row[a] += P[a, b] * r[b]
     for a in range(n):
         x[a] += row[a]
     for a in range(CORE):
         for b in range(n):
-            s = 0.0
-            for c in range(n):
-                s += P[a, c] * N[c, b]
-            row[b] = s
+            row[b] = 0.0
+        for c in range(n):
+            for b in range(n):
+                row[b] += P[a, c] * N[c, b]
         for b in range(a, CORE):
-            s = 0.0
+            loss[a, b] = 0.0
             for c in range(n):
-                s += row[c] * P[c, b]
-            loss[a, b] = s
+                loss[a, b] += row[c] * P[b, c]
     for a in range(CORE):
         for b in range(a, CORE):
             P[a, b] -= loss[a, b]

@@ -45,7 +45,7 @@ class Timed(NamedTuple):
 def ours(task: Task) -> Timed:
     """The kernels of the estimator, one value after the other, as its passes ahead use them."""
     model = models.build([task.sensor], motion.JERK_PSD, 1.0, 1.0)
-    room = (np.zeros(models.SLOTS, np.int64), np.zeros(models.SLOTS), np.zeros(9), windows.scratch(9))
+    room = windows.trace(1, 9, 1), models.scratch(9)
     _follow(model, task.t_s[:1], task.shots[:1], task.x.copy(), task.P.copy(), *room)  # compiles
     begin_s = time.perf_counter()
     for _ in range(LAPS):
@@ -55,13 +55,13 @@ def ours(task: Task) -> Timed:
 
 
 @njit(cache=True, fastmath=True)
-def _follow(model, t_s, shots, x, P, index, gain, m, work):
+def _follow(model, t_s, shots, x, P, out, work):
     for i in range(len(t_s)):
         motion.predict(x, P, t_s[i] - t_s[max(i - 1, 0)], model.jerk_psd, model.rate, model.prior)
         for channel in (RANGE, AZIMUTH, ELEVATION):
-            seen, variance, _ = models.predict_row(model, 0, channel, x, P, index, gain, m, work)
+            seen, variance = models.predict_row(model, 0, channel, x, P, out, 0, work)
             v = difference(channel, shots[i, channel], seen)
-            windows.update(x, P, m, v, variance + model.variance[0, channel])
+            windows.update(x, P, out.m[0], v, variance + model.variance[0, channel])
 
 
 def eigen(task: Task) -> Timed | None:

@@ -115,7 +115,7 @@ def test_smoothing_equals_the_textbook_on_a_linear_problem():
         weight=np.where(np.arange(rows) == 7, 0.0, 1.0),
     )
     x0, P0 = np.zeros(n), np.diag(np.r_[np.ones(9), built.prior[9:]])
-    out, work = window.trace(rows, n, rows), window.scratch(n)
+    out, work = window.trace(rows, n, rows), model.scratch(n)
     window.ahead(built, given, 0, rows, x0.copy(), P0.copy(), 0, out, work)
     window.back(built, given, 0, rows, out, np.zeros(n), np.zeros((n, n)), work)
     F, Q = full_ukf.transition(0.1)

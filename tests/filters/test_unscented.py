@@ -26,9 +26,9 @@ def spread_state(rng, sigma=(20.0, 5.0, 2.0)):
 
 
 def reduced(built, s, channel, x, P):
-    index, gain, m = np.zeros(model.SLOTS, np.int64), np.zeros(model.SLOTS), np.zeros(len(x))
-    seen, variance, count = model.predict_row(built, s, channel, x, P, index, gain, m, window.scratch(len(x)))
-    return seen, variance, m, index[:count], gain[:count]
+    out = window.trace(1, len(x), 1)
+    seen, variance = model.predict_row(built, s, channel, x, P, out, 0, model.scratch(len(x)))
+    return seen, variance, out.m[0], out.index[0, : out.count[0]], out.gain[0, : out.count[0]]
 
 
 @pytest.mark.parametrize("channel", [RANGE, AZIMUTH, ELEVATION, RANGE_RATE], ids=CHANNELS[:4])
@@ -87,7 +87,7 @@ def test_a_whole_flight_equals_filterpy():
     columns = [np.ascontiguousarray(rows[name]) for name in ("t_ns", "sensor", "channel", "value")]
     noise = built.variance[rows["sensor"], rows["channel"]]
     given = window.Given(*columns, noise, np.full(len(rows), built.jerk_psd), np.ones(len(rows)))
-    window.ahead(built, given, 0, len(rows), x, P, int(rows["t_ns"][0]), out, window.scratch(9))
+    window.ahead(built, given, 0, len(rows), x, P, int(rows["t_ns"][0]), out, model.scratch(9))
     now = rows["t_ns"][0]
     for row in rows:
         if row["t_ns"] != now:
