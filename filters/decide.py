@@ -15,7 +15,6 @@ REPEAT = 4  # passes over the window at most; one is enough while nothing change
 OUTBREAK = outlier.HARD**2
 CONTINUED = 2.5
 SETTLED = 0.05  # a change of weight that is no change
-HOPELESS = 30.0  # cost above the best story's, from the second pass on
 
 
 @njit(cache=True)
@@ -59,21 +58,19 @@ def admit(model, rows, begin, end, x, P, t_ns, jerk, variance, run, soft, hard, 
 
 
 @njit(cache=True)
-def settle(model, rows, begin, end, x0, P0, t0_ns, soft, hard, best, x, P, out, work, r, N, recent):
+def settle(model, rows, begin, end, x0, P0, t0_ns, soft, hard, x, P, out, work, r, N, recent):
     """Weigh rows ``begin`` to ``end`` again, each by what all the others say, from their weights as they are.
 
-    ``x0, P0`` at ``t0_ns`` is the anchor; the head state goes to ``x``, ``P``. Gives up where the cost stays
-    far above the ``best``. Returns the `cost` and its slope by the density of the jerk.
+    ``x0, P0`` at ``t0_ns`` is the anchor; the head state goes to ``x``, ``P``. Returns the `cost`
+    and its slope by the density of the jerk.
     """
     total = slope = 0.0
-    for again in range(REPEAT):
+    for _ in range(REPEAT):
         x[:], P[:] = x0, P0
         ahead(model, rows, begin, end, x, P, t0_ns, out, work)
         r[:], N[:] = 0.0, 0.0
         slope = back(model, rows, begin, end, out, r, N, work)
         total = cost(rows, begin, end, out, recent)
-        if again > 0 and total > best + HOPELESS:
-            break
         if reweigh(rows, begin, end, soft, hard, out, recent) < SETTLED:
             break
     return total, slope

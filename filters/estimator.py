@@ -200,23 +200,28 @@ class Estimator:
         for k, (s, c) in enumerate(said + said):
             rows[k] = (k, 0 if k < len(said) else 2 * 10**9, s, c, 1.0)
         twin.step(rows)
+        twin._price(0, 1)
         twin.finish()
+        twin.smooth()
 
     def step(self, rows: np.ndarray) -> Step:
         """Take in ``rows`` (n,) ROW, late ones too, and say what they bring."""
         refused = self._insert(rows)
         begin = self._done if self._head else 0  # before the start, rows wait and are gone through again
-        ahead = np.unique(self._rows.t[begin : self._size])
-        track, count = np.zeros(len(ahead), TRACK), 0
+        room = len(np.unique(self._rows.t[begin : self._size]))
+        track, clocks, count = np.zeros(room, TRACK), np.zeros((room, len(self.sensors))), 0
         while self._done < self._size:
             if self._epoch() and self._head.t_ns > self._newest_ns:
                 self._newest_ns = self._head.t_ns
                 head, out = self._head, self._out
                 x = self._correction(out.x[0], out.P[0], head.x, head.P)
-                track[count] = self._tracks([head.t_ns], x[None], head.P[None])[0]
-                track[count]["fixed_ns"] = self._fixed_ns
+                track["t_ns"][count], track["fixed_ns"][count] = head.t_ns, self._fixed_ns
+                track["x"][count], track["P"][count] = x[:CORE], head.P[:CORE, :CORE]
+                track["reset_counter"][count] = self._counted
+                clocks[count] = x[self.model.clock_at]
                 count += 1
-        return Step(track[:count], self._take_smoothed(), np.concatenate([refused, self._changed()]))
+        track = self._polished(track[:count], models.common_shift(self.model, clocks[:count]))
+        return Step(track, self._take_smoothed(), np.concatenate([refused, self._changed()]))
 
     def finish(self) -> Step:
         """Decide what is left. No step may follow."""
@@ -293,6 +298,7 @@ class Estimator:
         for name, column in zip(JUDGED, to.judged, strict=False):
             getattr(self._rows, name)[to.decided : to.size] = column
         self._tally, self._scale = to.tally.copy(), to.scale.copy()
+        self._variance = noise.effective(self.model.variance, self._scale[1])
         self._jerk, self._resets = to.jerk, to.resets
 
     # ---- one epoch, one cell
@@ -317,7 +323,7 @@ class Estimator:
             head.P,
             head.t_ns,
             self._jerk,
-            noise.effective(self.model.variance, self._scale[1]),
+            self._variance,
             head.run,
             s.soft,
             s.hard,
@@ -379,6 +385,7 @@ class Estimator:
             self._redecide(begin, end, cut - begin)
         left = self._leave(begin, cut)
         self._boundary_ns, self._decided = boundary_ns, cut
+        self._variance = noise.effective(self.model.variance, self._scale[1])
         judged = tuple(getattr(rows, name)[cut:end].copy() for name in JUDGED)
         self._snapshots.append(
             Snapshot(
@@ -419,6 +426,7 @@ class Estimator:
         self._out, self._spare = (windows.keeping(out, keep) for out in (self._out, self._spare))
         for s in np.flatnonzero(self.model.is_ins):
             noise.shake(rows, begin, end, s, self.model.variance, self._scale[1])
+        self._variance = noise.effective(self.model.variance, self._scale[1])
         cost, slope = self._settle(begin, end, self._anchor, self._head, self._out)
         cost = self._follow_jerk(begin, end, cost, slope)
         cost = self._hear_jolt(begin, end, cost)
@@ -450,19 +458,15 @@ class Estimator:
 
     def _follow_jerk(self, begin: int, end: int, cost: float, slope: float) -> float:
         """More jerk or less, where the window is likelier with it; all its rows are judged again then."""
-        jerk, anchor, head = self._rows.jerk, self._anchor, self._head.copy()
+        jerk = self._rows.jerk
         now = jerk[begin:end].copy()
         calm = now < motion.JOLT
         other = self._jerk * (motion.STEP if slope < 0.0 else 1.0 / motion.STEP)
         if motion.CALMEST <= other <= motion.WILDEST and slope * (self._jerk - other) > motion.SURER:
             jerk[begin:end] = np.where(calm, other, now)
-            price = decide.price(
-                self.model, self._rows, begin, end, anchor.x, anchor.P, anchor.t_ns, head.x, head.P,
-                self._spare, self._work, self._recent,
-            )  # fmt: skip
-            if price < cost - motion.SURER:
+            if self._price(begin, end) < cost - motion.SURER:
                 self._jerk = other
-                return self._settle(begin, end, anchor, self._head, self._out)[0]
+                return self._settle(begin, end, self._anchor, self._head, self._out)[0]
         jerk[begin:end] = np.where(calm, self._jerk, now)
         return cost
 
@@ -475,11 +479,18 @@ class Estimator:
             cost = self._hear(begin, end, weights, self._anchor, cost, rivals.MARGIN, jolt)
         return cost
 
-    def _settle(self, begin, end, anchor: Moment, head: Moment, out: windows.Trace, best: float = np.inf):
+    def _settle(self, begin, end, anchor: Moment, head: Moment, out: windows.Trace):
         s = self.settings
         return decide.settle(
-            self.model, self._rows, begin, end, anchor.x, anchor.P, anchor.t_ns, s.soft, s.hard, best,
+            self.model, self._rows, begin, end, anchor.x, anchor.P, anchor.t_ns, s.soft, s.hard,
             head.x, head.P, out, self._work, self._r, self._N, self._recent,
+        )  # fmt: skip
+
+    def _price(self, begin: int, end: int) -> float:
+        anchor, head = self._anchor, self._head.copy()
+        return decide.price(
+            self.model, self._rows, begin, end, anchor.x, anchor.P, anchor.t_ns, head.x, head.P,
+            self._spare, self._work, self._recent,
         )  # fmt: skip
 
     def _hear(
@@ -494,7 +505,7 @@ class Estimator:
         self._rows.weight[begin:end] = weights
         if jolt is not None:
             self._rows.jerk[jolt:end] = motion.JOLT
-        other, _ = self._settle(begin, end, anchor, head, self._spare, cost)
+        other, _ = self._settle(begin, end, anchor, head, self._spare)
         explained = jolt is None or rivals.explained(self._rows, jolt, end)
         if explained and other < cost - margin:
             self._out, self._spare = self._spare, self._out
@@ -516,6 +527,10 @@ class Estimator:
                 f"{share:.0%} of the last {self.settings.horizon_s:g} s refused: begun again from the sensors"
             )
             self._resets += (Reset(begin, self._anchor.copy(), counted, reason),)
+
+    @property
+    def _counted(self) -> int:
+        return sum(reset.counted for reset in self._resets)
 
     def _judged(self) -> list[np.ndarray]:
         return [getattr(self._rows, name) for name in JUDGED]
@@ -565,12 +580,16 @@ class Estimator:
     def _tracks(self, t_ns, x, P) -> np.ndarray:
         track = np.zeros(len(t_ns), TRACK)
         track["t_ns"], track["x"], track["P"] = t_ns, x[:, :CORE], P[:, :CORE, :CORE]
-        shift = models.common_shift(self.model, self._head.x)
-        track["x"][:, :3] -= shift * x[:, 3:6] - 0.5 * shift**2 * x[:, 6:9]
-        track["x"][:, 3:6] -= shift * x[:, 6:9]
-        sigma_m = np.sqrt(np.trace(P[:, :3, :3], axis1=1, axis2=2))
+        track["reset_counter"] = self._counted
+        return self._polished(track, models.common_shift(self.model, self._head.x[None, self.model.clock_at]))
+
+    def _polished(self, track: np.ndarray, shift_s: np.ndarray) -> np.ndarray:
+        """The ``track`` (k,) moved to the time that most clocks agree on, with its quality; in place."""
+        x, shift = track["x"], shift_s[:, None]
+        x[:, :3] -= shift * x[:, 3:6] - 0.5 * shift**2 * x[:, 6:9]
+        x[:, 3:6] -= shift * x[:, 6:9]
+        sigma_m = np.sqrt(np.trace(track["P"][:, :3, :3], axis1=1, axis2=2))
         track["quality"] = np.round(100.0 / (1.0 + sigma_m / HALF_QUALITY_M))
-        track["reset_counter"] = sum(reset.counted for reset in self._resets)
         return track
 
     def _take_smoothed(self) -> np.ndarray:

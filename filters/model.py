@@ -108,13 +108,14 @@ def common_variance(model: Model) -> float:
     return 1.0 / np.sum(1.0 / model.prior[model.clock_at]) if floating(model) else 0.0
 
 
-def common_shift(model: Model, x: np.ndarray) -> float:
-    """What to take off all clocks of state ``x`` (n,), s: the weighted median, so most are right."""
+def common_shift(model: Model, clocks: np.ndarray) -> np.ndarray:
+    """(k,) what to take off all ``clocks`` (k, s), s: the weighted median, so most are right."""
     if not floating(model):
-        return 0.0
-    order = np.argsort(x[model.clock_at])
-    weight = np.cumsum(1.0 / model.prior[model.clock_at][order])
-    return float(x[model.clock_at][order][np.searchsorted(weight, weight[-1] / 2)])
+        return np.zeros(len(clocks))
+    order = np.argsort(clocks, axis=1)
+    weight = np.cumsum(1.0 / model.prior[model.clock_at][order], axis=1)
+    middle = np.argmax(weight >= weight[:, -1:] / 2, axis=1)
+    return np.take_along_axis(clocks, order, axis=1)[np.arange(len(clocks)), middle]
 
 
 @kernel

@@ -40,7 +40,7 @@ def _errors(model, s, x, P) -> dict:
         if i < len(x):
             value, variance, prior = float(x[i]), P[i, i], float(np.sqrt(model.prior[i]))
             if i == model.clock_at[s]:
-                value -= common_shift(model, x)
+                value -= common_shift(model, x[None, model.clock_at])[0]
                 variance += common_variance(model)
             sigma = float(np.sqrt(variance))
             out[name] = {

@@ -9,7 +9,6 @@ import numpy as np
 from numba import njit
 
 from filters import motion, outlier
-from filters.rows import CHANNELS
 
 JUMP = 3.2  # sigmas of a used row's innovation that may be the beginning of a run
 MOSTLY = 0.6  # refused share of a channel's rows that makes one doubt the others instead
@@ -67,19 +66,15 @@ def weights(rows, begin, end, fresh, out, sensors: int, deep: bool) -> list[tupl
 
 
 def jolt(rows, begin, end) -> int:
-    """The row from which an abrupt motion would explain what several sensors are being refused for.
+    """The row from which an abrupt motion would explain what several sensors were just refused for.
 
-    ``end`` where there is no such thing: within JOLT_NS fewer than two sensors have a channel whose newest
-    row is refused.
+    ``end`` where there is no such thing: fewer than two sensors refused within JOLT_NS.
     """
     first = begin + int(np.searchsorted(rows.t[begin:end], rows.t[end - 1] - JOLT_NS))
-    refused = (rows.weight[first:end] == 0.0) & (rows.jerk[first:end] < motion.JOLT)
-    if np.count_nonzero(refused) < 2:
+    refused = first + np.flatnonzero((rows.weight[first:end] == 0.0) & (rows.jerk[first:end] < motion.JOLT))
+    if (rows.sensor[refused] == rows.sensor[refused[:1]]).all():
         return end
-    sensor = rows.sensor[first:end]
-    _, newest = np.unique(sensor[::-1] * len(CHANNELS) + rows.channel[first:end][::-1], return_index=True)
-    still = refused[::-1][newest]
-    return first + int(np.argmax(refused)) if len(set(sensor[::-1][newest[still]])) > 1 else end
+    return int(refused[0])
 
 
 def explained(rows, jolt, end) -> bool:
