@@ -58,7 +58,7 @@ def admit(model, rows, begin, end, x, P, t_ns, jerk, variance, run, soft, hard, 
 
 
 @njit(cache=True)
-def settle(model, rows, begin, end, x0, P0, t0_ns, soft, hard, x, P, out, work, r, N, recent):
+def settle(model, rows, begin, end, x0, P0, t0_ns, soft, hard, continued, x, P, out, work, r, N, recent):
     """Weigh rows ``begin`` to ``end`` again, each by what all the others say, from their weights as they are.
 
     ``x0, P0`` at ``t0_ns`` is the anchor; the head state goes to ``x``, ``P``. Returns the `cost`
@@ -70,26 +70,26 @@ def settle(model, rows, begin, end, x0, P0, t0_ns, soft, hard, x, P, out, work, 
         ahead(model, rows, begin, end, x, P, t0_ns, out, work)
         r[:], N[:] = 0.0, 0.0
         slope = back(model, rows, begin, end, out, r, N, work)
-        total = cost(rows, begin, end, out, recent)
+        total = cost(rows, begin, end, continued, out, recent)
         if reweigh(rows, begin, end, soft, hard, out, recent) < SETTLED:
             break
     return total, slope
 
 
 @njit(cache=True)
-def price(model, rows, begin, end, x0, P0, t0_ns, x, P, out, work, recent):
+def price(model, rows, begin, end, x0, P0, t0_ns, continued, x, P, out, work, recent):
     """`cost` of the window with its weights, noise and jerk as they are; nothing is judged."""
     x[:], P[:] = x0, P0
     ahead(model, rows, begin, end, x, P, t0_ns, out, work)
-    return cost(rows, begin, end, out, recent)
+    return cost(rows, begin, end, continued, out, recent)
 
 
 @exact
-def cost(rows, begin, end, out, recent):
+def cost(rows, begin, end, continued, out, recent):
     """−2 log likelihood of the window under its verdicts, up to a constant: the lower, the better the story.
 
-    Used rows: innovations form, v²/S + ln(S/R). Refused ones: OUTBREAK to begin a run, CONTINUED for each
-    further row, which is what a good row costs on average.
+    Used rows: innovations form, v²/S + ln(S/R). Refused ones: OUTBREAK to begin a run, ``continued`` for each
+    further row.
     """
     total = 0.0
     before = recent[:, :, 0]
@@ -98,7 +98,7 @@ def cost(rows, begin, end, out, recent):
         s, c, k = rows.sensor[i], rows.channel[i], i - begin
         out_of_use = rows.weight[i] == 0.0
         if out_of_use:
-            total += CONTINUED if before[s, c] > 0.0 else OUTBREAK
+            total += continued if before[s, c] > 0.0 else OUTBREAK
         else:
             noise = rows.noise[i]
             S = out.S[k] + noise / rows.weight[i] - noise

@@ -479,23 +479,23 @@ class Estimator:
             cost = self._hear(begin, end, weights, self._anchor, cost, rivals.MARGIN, jolt)
         return cost
 
-    def _settle(self, begin, end, anchor: Moment, head: Moment, out: windows.Trace):
+    def _settle(self, begin, end, anchor: Moment, head: Moment, out: windows.Trace, continued=decide.CONTINUED):
         s = self.settings
         return decide.settle(
-            self.model, self._rows, begin, end, anchor.x, anchor.P, anchor.t_ns, s.soft, s.hard,
+            self.model, self._rows, begin, end, anchor.x, anchor.P, anchor.t_ns, s.soft, s.hard, continued,
             head.x, head.P, out, self._work, self._r, self._N, self._recent,
         )  # fmt: skip
 
-    def _price(self, begin: int, end: int) -> float:
+    def _price(self, begin: int, end: int, continued: float = decide.CONTINUED) -> float:
         anchor, head = self._anchor, self._head.copy()
         return decide.price(
-            self.model, self._rows, begin, end, anchor.x, anchor.P, anchor.t_ns, head.x, head.P,
+            self.model, self._rows, begin, end, anchor.x, anchor.P, anchor.t_ns, continued, head.x, head.P,
             self._spare, self._work, self._recent,
         )  # fmt: skip
 
     def _hear(
-        self, begin: int, end: int, weights: np.ndarray, anchor: Moment, cost: float, margin, jolt=None
-    ):
+        self, begin: int, end: int, weights: np.ndarray, anchor: Moment, cost: float, margin, jolt=None,
+        continued=decide.CONTINUED):
         """Settle from other ``weights`` (end − begin,), with a jolt before row ``jolt``; returns the cost.
 
         The story stays if its cost is lower than ``cost`` by ``margin``.
@@ -505,7 +505,7 @@ class Estimator:
         self._rows.weight[begin:end] = weights
         if jolt is not None:
             self._rows.jerk[jolt:end] = motion.JOLT
-        other, _ = self._settle(begin, end, anchor, head, self._spare)
+        other, _ = self._settle(begin, end, anchor, head, self._spare, continued)
         explained = jolt is None or rivals.explained(self._rows, jolt, end)
         if explained and other < cost - margin:
             self._out, self._spare = self._spare, self._out
@@ -519,9 +519,10 @@ class Estimator:
         """After total disagreement: try the window from its own best-supported fixes."""
         rows, before = self._rows, self._anchor
         share = (rows.weight[begin:end] == 0.0).mean()
+        cost = self._price(begin, end, decide.OUTBREAK)
         for x, P in start.candidates(self.model, rows, begin, end, before.x, before.P):
             anchor = Moment(int(rows.t[begin]), x, P, np.zeros_like(before.run))
-            cost = self._hear(begin, end, np.ones(end - begin), anchor, cost, rivals.DEEP_MARGIN)
+            cost = self._hear(begin, end, np.ones(end - begin), anchor, cost, rivals.DEEP_MARGIN, None, decide.OUTBREAK)
         if self._anchor is not before:
             reason = (
                 f"{share:.0%} of the last {self.settings.horizon_s:g} s refused: begun again from the sensors"

@@ -9,10 +9,11 @@ import numpy as np
 from numba import njit
 
 from filters import motion, outlier
+from filters.rows import RANGE_RATE, VE
 
 JUMP = 3.2  # sigmas of a used row's innovation that may be the beginning of a run
 MOSTLY = 0.6  # refused share of a channel's rows that makes one doubt the others instead
-TOTAL = 0.35  # refused share of all rows that makes one doubt the state itself
+TOTAL = 0.6  # refused share of all positions that makes one doubt the state itself
 MARGIN = 4.0  # by which a rival's cost has to be lower
 DEEP_MARGIN = 20.0  # the same for the rivals that turn everything round
 JOLT_NS = 150_000_000  # refusals of several sensors so close together may be one abrupt motion
@@ -99,5 +100,7 @@ def lost(rows, begin, end, sensors: int) -> list[np.ndarray]:
 
 
 def disagreement(rows, begin, end) -> bool:
-    """Whether so much of the window is refused that the state itself is in doubt."""
-    return end - begin > outlier.RUN and (rows.weight[begin:end] == 0.0).mean() > TOTAL
+    """Whether so much of what says where the target is has been refused that the state itself is in doubt."""
+    channel = rows.channel[begin:end]
+    refused = rows.weight[begin:end][(channel < VE) & (channel != RANGE_RATE)] == 0.0
+    return len(refused) > outlier.RUN and refused.mean() > TOTAL
