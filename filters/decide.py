@@ -34,14 +34,14 @@ def admit(model, rows, begin, end, x, P, t_ns, jerk, variance, run, soft, hard, 
     for i in range(begin, end):
         s, c = rows.sensor[i], rows.channel[i]
         rows.noise[i], rows.jerk[i] = variance[s, c], jerk
-        seen, spread = predict_row(model, s, c, x, P, out, 0, work)
+        seen, spread = predict_row(model, s, c, x, P, jerk, out, 0, work)
         doubt[i - begin] = abs(difference(c, rows.value[i], seen)) / np.sqrt(spread + rows.noise[i])
     fixed = False
     order = np.argsort(doubt) if doubt.max() > soft else np.arange(end - begin)
     for k in order:
         i = begin + k
         s, c = rows.sensor[i], rows.channel[i]
-        seen, spread = predict_row(model, s, c, x, P, out, 0, work)
+        seen, spread = predict_row(model, s, c, x, P, jerk, out, 0, work)
         noise = rows.noise[i]
         v, sigma = difference(c, rows.value[i], seen), np.sqrt(spread + noise)
         after = patient and run[s, c, 0] > 0.0

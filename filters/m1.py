@@ -34,7 +34,7 @@ def admit(model, rows, begin, end, x, P, t_ns, jerk, variance, run, soft, hard, 
     for i in range(begin, end):
         s, c = rows.sensor[i], rows.channel[i]
         rows.noise[i], rows.jerk[i] = variance[s, c], jerk
-        seen, spread = predict_row(model, s, c, x, P, out, 0, work)
+        seen, spread = predict_row(model, s, c, x, P, jerk, out, 0, work)
         d, sigma = difference(c, rows.value[i], seen), np.sqrt(spread + rows.noise[i])
         beta = outlier.weight(d / sigma, soft, hard)
         if beta < 1.0 and run[s, c, 0] + 1 >= outlier.RUN:
@@ -44,7 +44,7 @@ def admit(model, rows, begin, end, x, P, t_ns, jerk, variance, run, soft, hard, 
     for i in range(begin, end):
         if rows.weight[i] > 0.0:
             s, c = rows.sensor[i], rows.channel[i]
-            seen, spread = predict_row(model, s, c, x, P, out, 0, work)
+            seen, spread = predict_row(model, s, c, x, P, jerk, out, 0, work)
             v = difference(c, rows.value[i], seen)
             update(x, P, out.m[0], v, (spread + rows.noise[i]) / rows.weight[i])
 

@@ -7,7 +7,7 @@ import numpy as np
 from filters.kernel import kernel
 
 from filters import ins, motion, theodolite
-from filters.rows import AE, AZIMUTH, CHANNELS, ELEVATION, RANGE, RANGE_RATE, E, Sensor
+from filters.rows import AE, AZIMUTH, CHANNELS, ELEVATION, RANGE, RANGE_RATE, VE, E, Sensor
 from filters.unscented import transform_position, transform_rate
 
 SLOTS = (
@@ -119,15 +119,16 @@ def common_shift(model: Model, clocks: np.ndarray) -> np.ndarray:
 
 
 @kernel
-def predict_row(model, sensor, channel, x, P, out, k, work):
+def predict_row(model, sensor, channel, x, P, jerk_psd, out, k, work):
     """What the state says about one row: predicted value, and its variance without noise.
 
-    Into row ``k`` of ``out``: how many derivatives are not zero (``count``), which (``index``), what they are
+    ``jerk_psd``, of the motion now, is what a late INS cannot know of: velocity and acceleration have changed
+    since. Into row ``k`` of ``out``: how many derivatives are not zero (``count``), which (``index``), what they are
     (``gain``), and the cross-covariance P h (``m``). ``work``: see `scratch`.
     """
     bias, clock = model.bias_at[sensor, channel], model.clock_at[sensor]
     if model.is_ins[sensor]:
-        return _predict_ins(channel, x, P, bias, clock, out.index, out.gain, out.count, out.m, k)
+        return _predict_ins(channel, x, P, jerk_psd, bias, clock, out.index, out.gain, out.count, out.m, k)
     index, gain, m, n = out.index, out.gain, out.m, x.size
     d = 6 if channel == RANGE_RATE else 3
     _at_true_time(x, P, clock, d, work)
@@ -166,7 +167,7 @@ def predict_row(model, sensor, channel, x, P, out, k, work):
 
 
 @kernel
-def _predict_ins(channel, x, P, bias, clock, index, gain, count, m, k):
+def _predict_ins(channel, x, P, jerk_psd, bias, clock, index, gain, count, m, k):
     value, count[k] = ins.observe(channel, x, bias, clock, index, gain, k)
     first, n = index[k, 0], x.size
     for j in range(n):
@@ -178,9 +179,15 @@ def _predict_ins(channel, x, P, bias, clock, index, gain, count, m, k):
     variance = 0.0
     for i in range(count[k]):
         variance += gain[k, i] * m[k, index[k, i]]
-    if clock >= 0 and channel < AE:
-        value -= P[first + 3, clock]
-        variance += _product(P, first, first, clock)
+    if clock >= 0:
+        late = abs(x[clock])
+        if channel >= AE:
+            variance += jerk_psd * late
+        else:
+            value -= P[first + 3, clock]
+            variance += _product(P, first, first, clock)
+        if channel >= VE and channel < AE:
+            variance += jerk_psd * late * late * late / 3.0
     return value, variance
 
 

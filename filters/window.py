@@ -101,7 +101,7 @@ def ahead(model, rows, begin, end, x, P, t_ns, out, work):
                     for b in range(n):
                         out.P[k, a, b] = P[a, b]
         c = rows.channel[i]
-        seen, variance = predict_row(model, rows.sensor[i], c, x, P, out, k, work)
+        seen, variance = predict_row(model, rows.sensor[i], c, x, P, rows.jerk[i], out, k, work)
         out.v[k] = difference(c, rows.value[i], seen)
         out.S[k] = variance + rows.noise[i]
         if rows.weight[i] > 0.0:

@@ -59,7 +59,7 @@ def _follow(model, t_s, shots, x, P, out, work):
     for i in range(len(t_s)):
         motion.predict(x, P, t_s[i] - t_s[max(i - 1, 0)], model.jerk_psd, model.rate, model.prior)
         for channel in (RANGE, AZIMUTH, ELEVATION):
-            seen, variance = models.predict_row(model, 0, channel, x, P, out, 0, work)
+            seen, variance = models.predict_row(model, 0, channel, x, P, model.jerk_psd, out, 0, work)
             v = difference(channel, shots[i, channel], seen)
             windows.update(x, P, out.m[0], v, variance + model.variance[0, channel])
 

@@ -27,7 +27,7 @@ def spread_state(rng, sigma=(20.0, 5.0, 2.0)):
 
 def reduced(built, s, channel, x, P):
     out = window.trace(1, len(x), 1)
-    seen, variance = model.predict_row(built, s, channel, x, P, out, 0, model.scratch(len(x)))
+    seen, variance = model.predict_row(built, s, channel, x, P, 0.0, out, 0, model.scratch(len(x)))
     return seen, variance, out.m[0], out.index[0, : out.count[0]], out.gain[0, : out.count[0]]
 
 
