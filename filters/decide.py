@@ -18,13 +18,13 @@ SETTLED = 0.05  # a change of weight that is no change
 
 
 @njit(cache=True)
-def admit(model, rows, begin, end, x, P, t_ns, jerk, variance, run, soft, hard, patient, out, work):
+def admit(model, rows, begin, end, x, P, t_ns, jerk, variance, run, soft, hard, watched, out, work):
     """Filter one epoch's rows, each on first sight, in place; fills their weight, predicted and sigma.
 
     Where one looks wrong, those that agree best with the prediction go first and sharpen it for the rest:
     the sensors vote at the same instant. ``jerk`` and
-    ``variance`` (s, 13) are those of motion and noise now, ``run`` each channel's `outlier.label` state; a
-    ``patient`` filter, one that decides again later, is stricter within a run. The predicted state goes to
+    ``variance`` (s, 13) are those of motion and noise now, ``run`` each channel's `outlier.label` state; with a
+    sensor that is ``watched`` (s,) by others the filter is stricter within a run. The predicted state goes to
     ``out.x[0]``, ``out.P[0]``. Returns whether a row was used that ties the state down: any but an
     acceleration or a range rate.
     """
@@ -44,7 +44,7 @@ def admit(model, rows, begin, end, x, P, t_ns, jerk, variance, run, soft, hard, 
         seen, spread = predict_row(model, s, c, x, P, jerk, out, 0, work)
         noise = rows.noise[i]
         v, sigma = difference(c, rows.value[i], seen), np.sqrt(spread + noise)
-        after = patient and run[s, c, 0] > 0.0
+        after = watched[s] and run[s, c, 0] > 0.0
         limit = min(hard, outlier.AFTER) if after else hard
         w = outlier.weight(v / sigma, min(soft, limit), limit)
         if after and run[s, c, 0] > 1.0 and outlier.same_run(run[s, c, 1], v, np.sqrt(noise)):
@@ -58,7 +58,7 @@ def admit(model, rows, begin, end, x, P, t_ns, jerk, variance, run, soft, hard, 
 
 
 @njit(cache=True)
-def settle(model, rows, begin, end, x0, P0, t0_ns, soft, hard, continued, x, P, out, work, r, N, recent):
+def settle(model, rows, begin, end, x0, P0, t0_ns, soft, hard, continued, watched, x, P, out, work, r, N, recent):
     """Weigh rows ``begin`` to ``end`` again, each by what all the others say, from their weights as they are.
 
     ``x0, P0`` at ``t0_ns`` is the anchor; the head state goes to ``x``, ``P``. Returns the `cost`
@@ -71,7 +71,7 @@ def settle(model, rows, begin, end, x0, P0, t0_ns, soft, hard, continued, x, P, 
         r[:], N[:] = 0.0, 0.0
         slope = back(model, rows, begin, end, out, r, N, work)
         total = cost(rows, begin, end, continued, out, recent)
-        if reweigh(rows, begin, end, soft, hard, out, recent) < SETTLED:
+        if reweigh(rows, begin, end, soft, hard, watched, out, recent) < SETTLED:
             break
     return total, slope
 
@@ -108,12 +108,13 @@ def cost(rows, begin, end, continued, out, recent):
 
 
 @exact
-def reweigh(rows, begin, end, soft, hard, out, recent):
+def reweigh(rows, begin, end, soft, hard, watched, out, recent):
     """New weights from the residuals against all other rows; returns the largest change.
 
     A row next to an outlier of its channel is under suspicion: AFTER sigmas instead of ``hard``; the sigma
     that counts is bounded, because it has grown only for want of the neighbours; and there has to be a jump
-    from the outlier to it, or else it is the same run's next row that happens to fit.
+    from the outlier to it, or else it is the same run's next row that happens to fit. All this only where the
+    sensor is ``watched`` (s,): alone, a sigma grows with good reason, and nobody can say that it is a run.
     ``recent`` (s, 13, 2) is scratch: each channel's count of rows refused before, and the last residual.
     """
     for k in range(end - begin):
@@ -123,6 +124,8 @@ def reweigh(rows, begin, end, soft, hard, out, recent):
         for j in range(begin, end):
             i = j if direction == 1 else begin + end - 1 - j
             s, c, k = rows.sensor[i], rows.channel[i], i - begin
+            if not watched[s]:
+                continue
             if recent[s, c, 0] > 0.0:
                 out.next[k] = True
             if recent[s, c, 0] > 1.0:

@@ -300,6 +300,7 @@ class Estimator:
         self._tally, self._scale = to.tally.copy(), to.scale.copy()
         self._variance = noise.effective(self.model.variance, self._scale[1])
         self._jerk, self._resets = to.jerk, to.resets
+        self._watch()
 
     # ---- one epoch, one cell
 
@@ -327,7 +328,7 @@ class Estimator:
             head.run,
             s.soft,
             s.hard,
-            s.horizon_s > 0,
+            self._watched,
             self._out,
             self._work,
         )
@@ -386,6 +387,7 @@ class Estimator:
         left = self._leave(begin, cut)
         self._boundary_ns, self._decided = boundary_ns, cut
         self._variance = noise.effective(self.model.variance, self._scale[1])
+        self._watch()
         judged = tuple(getattr(rows, name)[cut:end].copy() for name in JUDGED)
         self._snapshots.append(
             Snapshot(
@@ -407,6 +409,16 @@ class Estimator:
             self._smoothed.append(self._snapshots[0].left)
             self._final = self._snapshots[0].decided
             self._mark(self._snapshots[0])
+
+    def _watch(self) -> None:
+        """Note which sensors have others beside them in the window, where it can be decided again."""
+        used = self._used(self._decided, self._done)
+        self._watched = (used.sum() > used) & (self.settings.horizon_s > 0)
+
+    def _used(self, begin: int, end: int) -> np.ndarray:
+        """(s,) bool, which sensors have rows in use."""
+        sensor = self._rows.sensor[begin:end][self._rows.weight[begin:end] > 0]
+        return np.bincount(sensor, minlength=len(self.sensors)) > 0
 
     def _mark(self, snapshot: Snapshot) -> None:
         """Remember about every second where `smooth` can start its way ahead."""
@@ -439,9 +451,7 @@ class Estimator:
         if deep and (unheard or rivals.disagreement(rows, begin, end)):
             self._start_again(begin, end, cost, not young)
         self._head.run[:] = self._anchor.run
-        used = (
-            np.bincount(rows.sensor[begin:end][rows.weight[begin:end] > 0], minlength=len(self.sensors)) > 0
-        )
+        used = self._used(begin, end)
         others = used.sum() - used
         outlier.label(
             rows.sensor,
@@ -482,7 +492,7 @@ class Estimator:
     def _settle(self, begin, end, anchor: Moment, head: Moment, out: windows.Trace, continued=decide.CONTINUED):
         s = self.settings
         return decide.settle(
-            self.model, self._rows, begin, end, anchor.x, anchor.P, anchor.t_ns, s.soft, s.hard, continued,
+            self.model, self._rows, begin, end, anchor.x, anchor.P, anchor.t_ns, s.soft, s.hard, continued, self._watched,
             head.x, head.P, out, self._work, self._r, self._N, self._recent,
         )  # fmt: skip
 

@@ -21,11 +21,11 @@ NOTHING = 8.0  # sigmas from which β = 0
 
 
 @njit(cache=True)
-def admit(model, rows, begin, end, x, P, t_ns, jerk, variance, run, soft, hard, patient, out, work):
+def admit(model, rows, begin, end, x, P, t_ns, jerk, variance, run, soft, hard, watched, out, work):
     """Filter one epoch's rows in place, as `decide.admit` does: ``soft`` is C, ``hard`` is where β reaches 0.
 
     ``jerk`` and ``variance`` (s, 13) are those of motion and noise; ``run`` (s, 13, 2) counts each channel's
-    consecutive outliers, kept by `label`; ``patient`` means nothing here. Fills the rows' columns, weight by
+    consecutive outliers, kept by `label`; ``watched`` means nothing here. Fills the rows' columns, weight by
     β, and puts the predicted state into ``out.x[0]``, ``out.P[0]``.
     The covariance goes with the gain: βK is the best gain for a noise that makes the innovation S/β.
     """
