@@ -4,6 +4,7 @@ import random
 from collections.abc import Iterator
 from typing import NamedTuple
 
+import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 LAT, LON, ALT_MM, GEOID_MM = 473977420, 85455940, 488_000, 47_300
@@ -71,3 +72,8 @@ def write(path, *records: list[bytes]):
     """A tlog of all records, one list behind the other."""
     path.write_bytes(b"".join(record for part in records for record in part))
     return path
+
+
+def positions(rows: np.ndarray) -> np.ndarray:
+    """Those of (n,) INS that have one."""
+    return rows[np.isfinite(rows["lat_deg"])]

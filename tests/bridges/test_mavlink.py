@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridges import mavlink, tlog
+from bridges import mavlink, tlog, tlog_flight
 from bridges.flightclock import MS, S
 from gcs.messages import AIR, INS, AirData, Bad, Event, InsMeasurement, to_columns
 from tests.bridges import oracle
@@ -44,7 +44,7 @@ def compare(path, system_id=1):
     """(live, from the log): the same channel values, live without the first IMU samples it learns from."""
     said = (m for m in live(path, system_id) if isinstance(m, InsMeasurement))
     ours = to_columns(said, InsMeasurement)
-    logged = tlog.ins(tlog.read(path), system_id)
+    logged = tlog_flight.ins(tlog.read(path), system_id)
     for channel in ("lat_deg", "ae_mps2"):
         a, b = (rows[np.isfinite(rows[channel])] for rows in (ours, logged))
         a, b = (rows[np.argsort(rows["t_ns"])] for rows in (a, b))
@@ -95,7 +95,7 @@ SYS_STATUS = dialect.MAVLink_sys_status_message(0x10, 0x10, 0x10, 0, 12000, 0, 5
 def test_air_data_need_a_pitot_tube_and_are_the_same_live_and_from_a_log(tmp_path, evidence):
     path = write(tmp_path / "flight.tlog", packed(windy(evidence)))
     ours = to_columns((m for m in live(path) if isinstance(m, AirData)), AirData)
-    logged = tlog.flight(tlog.read(path)).air
+    logged = tlog_flight.flight(tlog.read(path)).air
     assert 60 < ours.size < 90
     assert ours.size == logged.size
     for name in AIR.names:
@@ -112,7 +112,7 @@ def test_air_data_need_a_pitot_tube_and_are_the_same_live_and_from_a_log(tmp_pat
 def test_without_a_pitot_tube_an_airspeed_is_a_guess(tmp_path):
     path = write(tmp_path / "flight.tlog", packed(windy()))
     assert not any(isinstance(m, AirData) for m in live(path))
-    assert tlog.flight(tlog.read(path)).air.size == 0
+    assert tlog_flight.flight(tlog.read(path)).air.size == 0
 
 
 def test_clock_without_system_time_is_the_least_delay_so_far(tmp_path):
