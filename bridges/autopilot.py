@@ -1,8 +1,8 @@
 """What an autopilot's MAVLink fields mean: one formula each, for single messages and for columns alike.
 
 Fields and units: https://mavlink.io/en/messages/common.html (GLOBAL_POSITION_INT, GPS_RAW_INT, ATTITUDE,
-RAW_IMU, SCALED_IMU, SCALED_IMU2, HIGHRES_IMU). Body axes are forward, right, down; MAVLink's local axes are
-north, east, down.
+RAW_IMU, SCALED_IMU, SCALED_IMU2, HIGHRES_IMU, WIND_COV) and ardupilotmega.html (WIND). Body axes are
+forward, right, down; MAVLink's local axes are north, east, down.
 
 VFR_HUD carries the airspeed; where no pitot tube is fitted, an autopilot fills in what it guesses.
 """
@@ -72,8 +72,13 @@ def geoid_separation_m(fix_type, alt, alt_ellipsoid):
 
 
 def wind_en(direction, speed):
-    """(east, north) m/s, where the air goes, of WIND (degrees it comes from, m/s)."""
+    """(east, north) m/s, where the air goes, of ArduPilot's WIND (degrees it comes from, m/s)."""
     return -speed * np.sin(np.radians(direction)), -speed * np.cos(np.radians(direction))
+
+
+def wind_cov_en(wind_x, wind_y):
+    """(east, north) m/s, where the air goes, of PX4's WIND_COV (m/s north, m/s east, also where it goes)."""
+    return wind_y, wind_x
 
 
 def is_accelerometer(force: np.ndarray) -> bool:

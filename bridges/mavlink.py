@@ -41,7 +41,7 @@ class Decoder:
         self._component: int | None = None  # of the autopilot, known from its HEARTBEAT
         self._forces: dict[str, list[np.ndarray]] = {}  # first samples of each IMU message
         self._pitot = self._fixed_wing = False
-        self._own_wind: tuple[float, float] | tuple[None, None] = (None, None)
+        self._own_wind = np.nan, np.nan  # east, north m/s
         self._climbs: list[tuple[int, float, float]] = []  # t ns, height m, climb rate m/s
         self._turned = False  # is the climb rate sent with the wrong sign?
         self._restart()
@@ -96,8 +96,9 @@ class Decoder:
         elif name == "SYS_STATUS":
             self._pitot |= bool(message.onboard_control_sensors_present & autopilot.DIFFERENTIAL_PRESSURE)
         elif name == "WIND":
-            east, north = autopilot.wind_en(message.direction, message.speed)
-            self._own_wind = float(east), float(north)
+            self._own_wind = autopilot.wind_en(message.direction, message.speed)
+        elif name == "WIND_COV":
+            self._own_wind = autopilot.wind_cov_en(message.wind_x, message.wind_y)
         elif name == "VFR_HUD" and self._pitot and self._attitude is not None:
             t_ns, angles, _ = self._attitude
             roll_deg, pitch_deg, yaw_deg = np.degrees(angles).tolist()
@@ -110,8 +111,8 @@ class Decoder:
                 pitch_deg=pitch_deg,
                 yaw_deg=yaw_deg,
                 coordinated=self._fixed_wing,
-                own_wind_e_mps=self._own_wind[0],
-                own_wind_n_mps=self._own_wind[1],
+                own_wind_e_mps=_known(self._own_wind[0]),
+                own_wind_n_mps=_known(self._own_wind[1]),
             )
         return None
 
@@ -148,7 +149,7 @@ class Decoder:
             lat_deg=lat_deg,
             lon_deg=lon_deg,
             alt_msl_m=alt_msl_m,
-            geoid_separation_m=float(self._separation) if np.isfinite(self._separation) else None,
+            geoid_separation_m=_known(self._separation),
             ve_mps=ve_mps,
             vn_mps=vn_mps,
             vu_mps=vu_mps,
@@ -167,6 +168,10 @@ class Decoder:
             return None
         ae, an, au = autopilot.acceleration_enu(force, angles, rates, (t_ns - attitude_ns) * 1e-9).tolist()
         return InsMeasurement(t_ns=t_ns, arrival_ns=arrival_ns, ae_mps2=ae, an_mps2=an, au_mps2=au)
+
+
+def _known(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
 
 
 def run(link: str, system_id: int | None, bus, stop: Flag) -> None:

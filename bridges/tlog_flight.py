@@ -139,14 +139,28 @@ def _air(log: Tlog, vehicle: Vehicle, timeline: Timeline) -> np.ndarray:
     air["airspeed_mps"], air["alt_msl_m"] = hud["airspeed"], hud["alt"]
     for name in ("roll", "pitch", "yaw"):
         air[f"{name}_deg"] = np.degrees(used[name].astype(float))
-    beats, winds = log.messages("HEARTBEAT", vehicle), log.messages("WIND", vehicle)
+    beats = log.messages("HEARTBEAT", vehicle)
     newest = np.searchsorted(beats["frame_no"], hud["frame_no"])
     air["coordinated"] = np.append([0], beats["type"])[newest] == autopilot.FIXED_WING
-    own = autopilot.wind_en(*(winds[name].astype(float) for name in ("direction", "speed")))
-    newest = np.searchsorted(winds["frame_no"], hud["frame_no"])
+    number, own = _own_wind(log, vehicle)
+    newest = np.searchsorted(number, hud["frame_no"])
     for name, wind in zip(("own_wind_e_mps", "own_wind_n_mps"), own, strict=True):
         air[name] = np.append([np.nan], wind)[newest]
     return air.take(np.argsort(air["t_ns"], kind="stable"))
+
+
+def _own_wind(log: Tlog, vehicle: Vehicle) -> tuple[np.ndarray, np.ndarray]:
+    """(frame numbers (k,), east and north m/s (2, k)) of the autopilot's own estimate."""
+    wind, cov = log.messages("WIND", vehicle), log.messages("WIND_COV", vehicle)
+    number = np.concatenate([wind["frame_no"], cov["frame_no"]])
+    own = np.hstack(
+        [
+            autopilot.wind_en(wind["direction"].astype(float), wind["speed"].astype(float)),
+            autopilot.wind_cov_en(cov["wind_x"].astype(float), cov["wind_y"].astype(float)),
+        ]
+    )
+    order = np.argsort(number)
+    return number[order], own[:, order]
 
 
 def _columns(messages: np.ndarray, *names: str) -> np.ndarray:

@@ -76,12 +76,17 @@ def test_live_and_log_agree_on_real_flights(name):
         assert np.nanmax(np.abs(ours["t_ns"] - logged["t_ns"])) < 0.5 * S  # no SYSTEM_TIME: learnt, not known
 
 
-def windy(*evidence):
+WIND = dialect.MAVLink_wind_message(310.0, 8.0, 0.0)  # where it comes from: the north-west
+WIND_COV = dialect.MAVLink_wind_cov_message(0, -5.142301, 6.128356, 0, 0, 0, 0, 0, 0)  # where it goes
+NO_WIND = dialect.MAVLink_wind_cov_message(0, np.nan, np.nan, 0, 0, 0, 0, 0, 0)
+
+
+def windy(*evidence, wind=WIND):
     """A flight that says how it moves through the air, later with ``evidence`` of a pitot tube."""
     for i, received in enumerate(flight(10)):
         yield received
         if received.message.get_type() == "ATTITUDE":
-            yield received._replace(message=dialect.MAVLink_wind_message(310.0, 8.0, 0.0))
+            yield received._replace(message=wind)
             yield received._replace(message=dialect.MAVLink_vfr_hud_message(21.5, 19.0, 90, 50, 480.0, 1.0))
             if i > 100:
                 yield from (received._replace(message=message) for message in evidence)
@@ -104,9 +109,26 @@ def test_air_data_need_a_pitot_tube_and_are_the_same_live_and_from_a_log(tmp_pat
     last = logged[-1]
     assert (last["airspeed_mps"], last["alt_msl_m"], last["coordinated"]) == (21.5, 480.0, 1.0)
     assert last["yaw_deg"] == pytest.approx(np.degrees(1.57), abs=1e-4)
-    # from the north-west: the air goes south-east
     assert last["own_wind_e_mps"] == pytest.approx(6.128, abs=1e-3)
     assert last["own_wind_n_mps"] == pytest.approx(-5.142, abs=1e-3)
+
+
+def test_both_autopilots_tell_the_same_wind_in_their_own_way(tmp_path):
+    told = []
+    for wind in (WIND, WIND_COV):
+        path = write(tmp_path / "flight.tlog", packed(windy(AIRSPEED, wind=wind)))
+        ours = to_columns((m for m in live(path) if isinstance(m, AirData)), AirData)
+        for air in (ours, tlog_flight.flight(tlog.read(path)).air):
+            told += air[["own_wind_e_mps", "own_wind_n_mps"]].tolist()
+    assert len(told) > 240
+    assert np.array(told) == pytest.approx(np.tile(told[0], (len(told), 1)), abs=1e-5)
+
+
+def test_a_wind_that_is_not_known_is_none(tmp_path):
+    path = write(tmp_path / "flight.tlog", packed(windy(AIRSPEED, wind=NO_WIND)))
+    said = [m for m in live(path) if isinstance(m, AirData)]
+    assert {(m.own_wind_e_mps, m.own_wind_n_mps) for m in said} == {(None, None)}
+    assert np.isnan(tlog_flight.flight(tlog.read(path)).air["own_wind_e_mps"]).all()
 
 
 def test_without_a_pitot_tube_an_airspeed_is_a_guess(tmp_path):
