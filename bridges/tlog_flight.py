@@ -56,6 +56,7 @@ def flight(log: Tlog, system_id: int | None = None) -> Flight:
         "boots": [tlog_clock.describe(boot) for boot in timeline.boots],
         "positions": positions[0].size,
         "positions_before_fix": before_fix,
+        "positions_dead_reckoned": int(np.count_nonzero(told["dead_reckoned"])),
         "vz_turned_over": upward,
         "geoid_separation_known": bool(np.isfinite(rows["geoid_separation_m"]).any()),
         "accelerometer": imu,
@@ -82,6 +83,7 @@ def _positions(log: Tlog, vehicle: Vehicle, timeline: Timeline) -> tuple[tuple[n
     )
     separation = autopilot.geoid_separation_m(gps["fix_type"], gps["alt"], gps["alt_ellipsoid"])
     known = np.isfinite(separation)
+    reckoned = _dead_reckoned(log, vehicle, report, since)[valid]
     report, number = report.compress(valid), number[valid]
     rows = _rows(timeline.at(report))
     values = autopilot.position_velocity(*(report[name] for name in ("lat", "lon", "alt", "vx", "vy", "vz")))
@@ -89,9 +91,26 @@ def _positions(log: Tlog, vehicle: Vehicle, timeline: Timeline) -> tuple[tuple[n
         ("lat_deg", "lon_deg", "alt_msl_m", "ve_mps", "vn_mps", "vu_mps"), values, strict=True
     ):
         rows[name] = value
+    rows["dead_reckoned"] = reckoned
     newest = np.searchsorted(gps["frame_no"][known], number)
     rows["geoid_separation_m"] = np.concatenate([[np.nan], separation[known]])[newest]
     return (rows, number), int(np.count_nonzero(~valid))
+
+
+def _dead_reckoned(log: Tlog, vehicle: Vehicle, report: np.ndarray, since: np.ndarray) -> np.ndarray:
+    """(n,) bool: of all receivers heard since frame ``since`` (n,), none has a fix for this position."""
+    boot_ms = report["time_boot_ms"].astype(np.int64)
+    heard, fixed = np.zeros((2, report.size), bool)
+    for name in autopilot.RECEIVERS:
+        gps = log.messages(name, vehicle)
+        count = np.searchsorted(gps["frame_no"], report["frame_no"])
+        first = np.searchsorted(count, count)  # report after the receiver's newest word
+        previous = np.maximum(np.arange(report.size) - 1, first)
+        lost = autopilot.is_lost(np.append([0], gps["fix_type"])[count], boot_ms[previous] - boot_ms[first])
+        spoken = _newest(gps["frame_no"], report["frame_no"]) >= since
+        heard |= spoken
+        fixed |= spoken & ~lost
+    return heard & ~fixed
 
 
 def _newest(events: np.ndarray, frame_no: np.ndarray) -> np.ndarray:
@@ -173,6 +192,7 @@ def _rows(t_ns: np.ndarray) -> np.ndarray:
     rows = np.empty(t_ns.size, INS)
     for name in INS.names:
         rows[name] = t_ns if INS[name] == np.int64 else np.nan
+    rows["dead_reckoned"] = False
     return rows
 
 

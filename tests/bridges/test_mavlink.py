@@ -81,6 +81,50 @@ WIND_COV = dialect.MAVLink_wind_cov_message(0, -5.142301, 6.128356, 0, 0, 0, 0, 
 NO_WIND = dialect.MAVLink_wind_cov_message(0, np.nan, np.nan, 0, 0, 0, 0, 0, 0)
 
 
+def losing(how):
+    """A flight that from 10 s to 20 s of 30 has no fix, no word of its receiver, or no link at all.
+
+    ``second``: no fix of its first receiver only.
+    """
+    for received in flight(30):
+        lost = 15 <= (received.receipt_us - START_US) * 1e-6 < 25  # boot began 5 s before
+        gps = received.message.get_type() == "GPS_RAW_INT"
+        if how in ("fix", "second") and lost and gps:
+            received.message.fix_type = 1
+        if how == "second" and gps:
+            second = dialect.MAVLink_gps2_raw_message(0, 3, 0, 0, 0, 0, 0, 0, 0, 12, 0, 0)
+            yield received._replace(message=second)
+        if not (lost and (how == "link" or (how == "silent" and gps))):
+            yield received
+
+
+@pytest.mark.parametrize(
+    ("how", "reckoned_s"),
+    [("fix", (15.0, 24.9)), ("silent", (18.1, 24.9)), ("link", ()), ("second", ())],
+)
+def test_positions_after_the_receiver_was_lost_are_marked(tmp_path, how, reckoned_s):
+    path = write(tmp_path / "flight.tlog", packed(losing(how)))
+    for ours, logged in compare(path):
+        assert ours["dead_reckoned"].tolist() == logged["dead_reckoned"].tolist()
+    got = tlog_flight.flight(tlog.read(path))
+    marked = got.rows[got.rows["dead_reckoned"] > 0]
+    assert np.isfinite(marked["lat_deg"]).all()
+    t_s = np.sort(marked["t_ns"] - START_US * 1000) / S
+    assert t_s[[0, -1]].tolist() == list(reckoned_s) if reckoned_s else not t_s.size
+    assert (
+        got.report["positions_dead_reckoned"] == t_s.size == (round(10 * np.ptp(t_s)) + 1 if t_s.size else 0)
+    )
+
+
+def test_without_a_word_of_the_receiver_nothing_is_marked(tmp_path):
+    sent = (one for one in flight(30, fix_after_s=0) if one.message.get_type() != "GPS_RAW_INT")
+    path = write(tmp_path / "flight.tlog", packed(sent))
+    for ours, logged in compare(path):
+        assert not ours["dead_reckoned"].any()
+        assert not logged["dead_reckoned"].any()
+        assert ours.size == logged.size > 250
+
+
 def windy(*evidence, wind=WIND):
     """A flight that says how it moves through the air, later with ``evidence`` of a pitot tube."""
     for i, received in enumerate(flight(10)):
