@@ -1,8 +1,8 @@
 """What an autopilot's MAVLink fields mean: one formula each, for single messages and for columns alike.
 
 Fields and units: https://mavlink.io/en/messages/common.html (GLOBAL_POSITION_INT, GPS_RAW_INT, ATTITUDE,
-RAW_IMU, SCALED_IMU, SCALED_IMU2, HIGHRES_IMU). Body axes are forward, right, down; MAVLink's local axes are
-north, east, down.
+RAW_IMU, SCALED_IMU, SCALED_IMU2, HIGHRES_IMU, WIND_COV) and ardupilotmega.html (WIND). Body axes are
+forward, right, down; MAVLink's local axes are north, east, down.
 
 VFR_HUD carries the airspeed; where no pitot tube is fitted, an autopilot fills in what it guesses.
 """
@@ -21,6 +21,8 @@ IMU_SAMPLES = 20  # an accelerometer is believed after so many
 IMU_RANGE = (0.7 * GRAVITY, 1.3 * GRAVITY)  # their median; PX4 may send raw counts in RAW_IMU
 ATTITUDE_AGE_NS = 100_000_000  # turned further than this, the body rates no longer say where it points
 FIX_3D = 3  # GPS_FIX_TYPE_3D_FIX
+RECEIVERS = ("GPS_RAW_INT", "GPS2_RAW")  # an autopilot with two goes on with one
+GPS_SILENT_MS = 3_000  # they come at least once a second; two in a row may be lost on the way
 NULL_ISLAND_E7 = 100_000  # 0.01°: an estimator without origin reports positions around 0, 0
 SAME_HEIGHT_MM = 1_000  # above home and above the sea: home is at sea level, or not set yet
 WRONG_HEIGHT_MM = 100_000  # barometer and receiver do not differ by so much
@@ -41,6 +43,17 @@ def has_position(lat, lon, alt, relative_alt, gps_alt):
     somewhere = (abs(lat) > NULL_ISLAND_E7) | (abs(lon) > NULL_ISLAND_E7)
     no_datum = (abs(alt - relative_alt) < SAME_HEIGHT_MM) & (abs(alt - gps_alt) > WRONG_HEIGHT_MM)
     return somewhere & ~no_datum
+
+
+def is_lost(fix_type, silent_ms):
+    """Has a receiver lost its position, so that without another one GLOBAL_POSITION_INT is dead reckoning?
+
+    ``fix_type`` of its newest message; ``silent_ms`` from the first position since then to the one before
+    this: a gap in the link is no silence of the receiver. ArduPilot and PX4 go on telling of a receiver
+    without a fix, older PX4s fall silent. Their EKF flags are no witness: they stay good while the filter
+    trusts its own reckoning, and may be bad at rest, where the position is the receiver's.
+    """
+    return (fix_type < FIX_3D) | (silent_ms > GPS_SILENT_MS)
 
 
 def position_velocity(lat, lon, alt, vx, vy, vz):
@@ -72,8 +85,13 @@ def geoid_separation_m(fix_type, alt, alt_ellipsoid):
 
 
 def wind_en(direction, speed):
-    """(east, north) m/s, where the air goes, of WIND (degrees it comes from, m/s)."""
+    """(east, north) m/s, where the air goes, of ArduPilot's WIND (degrees it comes from, m/s)."""
     return -speed * np.sin(np.radians(direction)), -speed * np.cos(np.radians(direction))
+
+
+def wind_cov_en(wind_x, wind_y):
+    """(east, north) m/s, where the air goes, of PX4's WIND_COV (m/s north, m/s east, also where it goes)."""
+    return wind_y, wind_x
 
 
 def is_accelerometer(force: np.ndarray) -> bool:

@@ -41,14 +41,17 @@ class Decoder:
         self._component: int | None = None  # of the autopilot, known from its HEARTBEAT
         self._forces: dict[str, list[np.ndarray]] = {}  # first samples of each IMU message
         self._pitot = self._fixed_wing = False
-        self._own_wind: tuple[float, float] | tuple[None, None] = (None, None)
+        self._own_wind = np.nan, np.nan  # east, north m/s
         self._climbs: list[tuple[int, float, float]] = []  # t ns, height m, climb rate m/s
         self._turned = False  # is the climb rate sent with the wrong sign?
         self._restart()
 
     def _restart(self) -> None:
         self._attitude: tuple[int, np.ndarray, np.ndarray] | None = None  # UTC ns, angles, rates
-        self._has_fix: bool | None = None  # None: the receiver has said nothing
+        # of each receiver that has spoken: its fix, and boot time of the first position since then
+        self._receivers: dict[str, tuple[int, int | None]] = {}
+        self._had_fix = False
+        self._position_ms = 0  # boot time of the newest position
         self._gps_alt = self._separation = np.nan
 
     def decode(self, message, arrival_ns: int) -> InsMeasurement | AirData | Bad | None:
@@ -78,8 +81,8 @@ class Decoder:
             angles = np.array([message.roll, message.pitch, message.yaw])
             rates = np.array([message.rollspeed, message.pitchspeed, message.yawspeed])
             self._attitude = self.clock.utc_ns(boot_ns), angles, rates
-        elif name == "GPS_RAW_INT":
-            self._gps(message)
+        elif name in autopilot.RECEIVERS:
+            self._gps(name, message)
         elif name == "GLOBAL_POSITION_INT":
             return self._position(message, self.clock.utc_ns(boot_ns), arrival_ns)
         elif name in autopilot.IMUS:
@@ -96,8 +99,9 @@ class Decoder:
         elif name == "SYS_STATUS":
             self._pitot |= bool(message.onboard_control_sensors_present & autopilot.DIFFERENTIAL_PRESSURE)
         elif name == "WIND":
-            east, north = autopilot.wind_en(message.direction, message.speed)
-            self._own_wind = float(east), float(north)
+            self._own_wind = autopilot.wind_en(message.direction, message.speed)
+        elif name == "WIND_COV":
+            self._own_wind = autopilot.wind_cov_en(message.wind_x, message.wind_y)
         elif name == "VFR_HUD" and self._pitot and self._attitude is not None:
             t_ns, angles, _ = self._attitude
             roll_deg, pitch_deg, yaw_deg = np.degrees(angles).tolist()
@@ -110,8 +114,8 @@ class Decoder:
                 pitch_deg=pitch_deg,
                 yaw_deg=yaw_deg,
                 coordinated=self._fixed_wing,
-                own_wind_e_mps=self._own_wind[0],
-                own_wind_n_mps=self._own_wind[1],
+                own_wind_e_mps=_known(self._own_wind[0]),
+                own_wind_n_mps=_known(self._own_wind[1]),
             )
         return None
 
@@ -124,16 +128,21 @@ class Decoder:
             self._restart()
         return boot_ns
 
-    def _gps(self, message) -> None:
+    def _gps(self, name: str, message) -> None:
+        self._receivers[name] = message.fix_type, None
+        if name != "GPS_RAW_INT":
+            return
         if message.fix_type >= autopilot.FIX_3D:
-            self._has_fix, self._gps_alt = True, message.alt
-        self._has_fix = bool(self._has_fix)
+            self._had_fix, self._gps_alt = True, message.alt
         separation = autopilot.geoid_separation_m(message.fix_type, message.alt, message.alt_ellipsoid)
         self._separation = separation if np.isfinite(separation) else self._separation
 
     def _position(self, message, t_ns: int, arrival_ns: int) -> InsMeasurement | None:
         place = message.lat, message.lon, message.alt
-        if self._has_fix is False or not autopilot.has_position(*place, message.relative_alt, self._gps_alt):
+        dead_reckoned = self._dead_reckoned(message.time_boot_ms)
+        if "GPS_RAW_INT" in self._receivers and not self._had_fix:
+            return None
+        if not autopilot.has_position(*place, message.relative_alt, self._gps_alt):
             return None
         values = autopilot.position_velocity(*place, message.vx, message.vy, message.vz)
         lat_deg, lon_deg, alt_msl_m, ve_mps, vn_mps, vu_mps = values
@@ -148,11 +157,22 @@ class Decoder:
             lat_deg=lat_deg,
             lon_deg=lon_deg,
             alt_msl_m=alt_msl_m,
-            geoid_separation_m=float(self._separation) if np.isfinite(self._separation) else None,
+            geoid_separation_m=_known(self._separation),
             ve_mps=ve_mps,
             vn_mps=vn_mps,
             vu_mps=vu_mps,
+            dead_reckoned=dead_reckoned,
         )
+
+    def _dead_reckoned(self, boot_ms: int) -> bool:
+        """Is this position one without a receiver? To be asked of every position once."""
+        lost = []
+        for name, (fix_type, first_ms) in self._receivers.items():
+            first_ms = boot_ms if first_ms is None else first_ms
+            self._receivers[name] = fix_type, first_ms
+            lost.append(autopilot.is_lost(fix_type, self._position_ms - first_ms))
+        self._position_ms = boot_ms
+        return bool(lost) and all(lost)
 
     def _acceleration(self, name: str, message, t_ns: int, arrival_ns: int) -> InsMeasurement | None:
         force = np.array([message.xacc, message.yacc, message.zacc]) * autopilot.IMUS[name]
@@ -167,6 +187,10 @@ class Decoder:
             return None
         ae, an, au = autopilot.acceleration_enu(force, angles, rates, (t_ns - attitude_ns) * 1e-9).tolist()
         return InsMeasurement(t_ns=t_ns, arrival_ns=arrival_ns, ae_mps2=ae, an_mps2=an, au_mps2=au)
+
+
+def _known(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
 
 
 def run(link: str, system_id: int | None, bus, stop: Flag) -> None:

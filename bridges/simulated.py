@@ -161,9 +161,9 @@ def instruments_of(station: Path) -> list[Instrument]:
 
 def boot_to_utc_ns(path: Path) -> int:
     """UTC minus boot time of the only vehicle in a log, at its start."""
-    from bridges import tlog
+    from bridges import tlog, tlog_flight
 
-    return tlog.flight(tlog.read(path)).boots[0].offset_ns
+    return tlog_flight.flight(tlog.read(path)).boots[0].offset_ns
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -1,8 +1,8 @@
-"""Telemetry logs: what a vehicle said about itself, on the flight's own clock, and what ails the file.
+"""Telemetry logs: every good frame of a file, however damaged it is, and what ails it.
 
-log = read("flight.tlog")                 every good frame, however damaged the file
+log = read("flight.tlog")
 log.messages("ATTITUDE")                  all fields of one message as columns
-flight(log, system_id)                    INS rows of one vehicle, with a report for summary.json
+vehicles(log)                             who speaks in it
 """
 
 from pathlib import Path
@@ -11,8 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from bridges import autopilot, flightclock, frames
-from bridges.flightclock import Boot
-from gcs.messages import AIR, INS, InputError
+from gcs.messages import InputError
 
 COMMON = np.dtype(
     [
@@ -70,36 +69,6 @@ class Tlog(NamedTuple):
         return out
 
 
-class Flight(NamedTuple):
-    """One vehicle's INS measurements."""
-
-    vehicle: Vehicle
-    boots: list[Boot]
-    rows: np.ndarray  # (n,) gcs.messages.INS by arrival
-    air: np.ndarray  # (m,) gcs.messages.AIR in order of time
-    report: dict  # for summary.json
-
-
-class _Timeline(NamedTuple):
-    """Valid time of every message of one vehicle that carries its boot time."""
-
-    frame_no: np.ndarray  # (k,) int64
-    t_ns: np.ndarray  # (k,) int64 UTC
-    boots: list[Boot]
-    late: list[tuple[int, float]]  # per boot: receiver's clock minus the flight's, offset ns and drift
-
-    def at(self, messages: np.ndarray) -> np.ndarray:
-        """(n,) UTC ns of messages with ``time_boot_ms`` or ``time_usec``."""
-        if "time_usec" not in messages.dtype.names:
-            return self.t_ns[np.searchsorted(self.frame_no, messages["frame_no"])]
-        time_ns = messages["time_usec"].astype(np.int64) * flightclock.US
-        out = time_ns.copy()
-        for boot in self.boots:
-            own = _within(boot, messages["frame_no"]) & (messages["time_usec"] < autopilot.UNIX_US)
-            out[own] = flightclock.to_utc(boot, time_ns[own])
-        return out
-
-
 def read(path: str | Path) -> Tlog:
     """The log at ``path``. Raises LogError where there is none in it."""
     path = Path(path)
@@ -141,48 +110,6 @@ def choose(log: Tlog, there: list[Vehicle], system_id: int | None = None) -> Veh
     raise LogError(f"{log.path}: {what}; set [vehicle] system_id to one of {listed}")
 
 
-def ins(log: Tlog, system_id: int | None = None) -> np.ndarray:
-    """(n,) gcs.messages.INS of one vehicle, by arrival. Raises LogError as ``flight``."""
-    return flight(log, system_id).rows
-
-
-def flight(log: Tlog, system_id: int | None = None) -> Flight:
-    """INS rows of one vehicle: GLOBAL_POSITION_INT has position and velocity, IMU and ATTITUDE acceleration.
-
-    ``arrival_ns`` is the receipt stamp on the flight's clock: the delay beyond the smallest one of that boot.
-    Raises LogError where the vehicle is not in the log or never has a position.
-    """
-    there = vehicles(log)
-    vehicle = choose(log, there, system_id)
-    timeline = _timeline(log, vehicle)
-    positions, before_fix = _positions(log, vehicle, timeline)
-    told = positions[0]
-    upward = autopilot.vz_is_upward(told["t_ns"], told["alt_msl_m"], told["vu_mps"])
-    if upward:
-        told["vu_mps"] *= -1.0
-    if not positions[0].size:
-        raise LogError(_no_position(log, vehicle, before_fix))
-    imu, accelerations = _accelerations(log, vehicle, timeline)
-    rows, number = (np.concatenate(both) for both in zip(positions, accelerations, strict=True))
-    rows["arrival_ns"], untrue = _arrivals(timeline, rows["t_ns"], number, log.receipt_us[number])
-    rows = rows.take(np.lexsort((number, rows["arrival_ns"])))
-    air = _air(log, vehicle, timeline)
-    report = damage(log) | {
-        "system_id": vehicle.system_id,
-        "systems": {str(v.system_id): v.kind for v in there},
-        "boots": [_describe(boot) for boot in timeline.boots],
-        "positions": positions[0].size,
-        "positions_before_fix": before_fix,
-        "vz_turned_over": upward,
-        "geoid_separation_known": bool(np.isfinite(rows["geoid_separation_m"]).any()),
-        "accelerometer": imu,
-        "accelerations": accelerations[0].size,
-        "airspeeds": air.size,
-        "receipts_not_believed": untrue,
-    }
-    return Flight(vehicle, timeline.boots, rows, air, report)
-
-
 def damage(log: Tlog) -> dict:
     """What is wrong with the file, in numbers."""
     kind, size = log.frames["kind"], frames.sizes(log.data, log.frames)
@@ -204,171 +131,3 @@ def _counts(log: Tlog, which: np.ndarray) -> list[tuple[int, int]]:
     """(message id, number) of the frames in the mask."""
     ids, numbers = np.unique(log.frames["msgid"][which], return_counts=True)
     return list(zip(ids.tolist(), numbers.tolist(), strict=True))
-
-
-def _describe(boot: Boot) -> dict:
-    first, last = flightclock.to_utc(boot, np.array([boot.start_ns, boot.end_ns]))
-    return {
-        "first_t_ns": int(first),
-        "last_t_ns": int(last),
-        "boot_s": [boot.start_ns / flightclock.S, boot.end_ns / flightclock.S],
-        "clock": boot.source,
-        "drift_ppm": boot.drift * 1e6,
-    }
-
-
-def _within(boot: Boot, frame_no: np.ndarray) -> np.ndarray:
-    return (frame_no >= boot.first) & (frame_no < boot.stop)
-
-
-def _timeline(log: Tlog, vehicle: Vehicle) -> _Timeline:
-    """Boot by boot: tie boot time to UTC, then the receiver's clock to both."""
-    boot_ms = frames.boot_times(
-        log.data, log.frames, frames.dialect().boot_ms_at, vehicle.system_id, vehicle.component_id
-    )
-    number = np.flatnonzero(boot_ms >= 0)
-    if not number.size:
-        return _Timeline(number, number, [], [])
-    starts, unwrapped_ms = flightclock.restarts(boot_ms[number], log.receipt_us[number])
-    boot_ns = unwrapped_ms * flightclock.MS
-    received_ns = log.receipt_us[number] * flightclock.US
-    times = log.messages("SYSTEM_TIME", vehicle)
-    times_ns = boot_ns[np.searchsorted(number, times["frame_no"])]
-    boots, late, t_ns = [], [], np.empty_like(boot_ns)
-    for i, (a, b) in enumerate(zip(starts, [*starts[1:], number.size], strict=True)):
-        first, stop = (number[a] if i else 0), (number[b] if b < number.size else log.frames.size)
-        within = (times["frame_no"] >= first) & (times["frame_no"] < stop)
-        source, drift = "SYSTEM_TIME", 0.0
-        offset_ns = flightclock.from_system_time(times["time_unix_usec"][within], times_ns[within])
-        if offset_ns is None:
-            source = "receipt"
-            offset_ns, drift = flightclock.lower_envelope(boot_ns[a:b], received_ns[a:b])
-        span = int(boot_ns[a:b].min()), int(boot_ns[a:b].max())
-        boots.append(Boot(int(first), int(stop), *span, source, offset_ns, drift))
-        t_ns[a:b] = flightclock.to_utc(boots[-1], boot_ns[a:b])
-        late.append(flightclock.lower_envelope(t_ns[a:b], received_ns[a:b]))
-    return _Timeline(number, t_ns, boots, late)
-
-
-def _arrivals(timeline: _Timeline, t_ns: np.ndarray, number: np.ndarray, receipt_us: np.ndarray) -> tuple:
-    """(arrival_ns (n,), receipts not believed): receipt on the flight's clock, else the valid time."""
-    arrival = t_ns.copy()
-    untrue = 0
-    for boot, (offset, drift) in zip(timeline.boots, timeline.late, strict=True):
-        own = np.flatnonzero(_within(boot, number))
-        own = own[np.argsort(number[own], kind="stable")]
-        delay = receipt_us[own] * flightclock.US - t_ns[own] - offset
-        delay -= np.rint(drift * t_ns[own]).astype(np.int64)
-        believed = (delay >= -flightclock.MAX_DELAY_NS) & (delay <= flightclock.MAX_DELAY_NS)
-        untrue += int(np.count_nonzero(~believed))
-        arrival[own] += np.where(believed, np.maximum(delay, 0), 0)
-        arrival[own] = np.maximum.accumulate(arrival[own])
-    return arrival, untrue
-
-
-def _positions(log: Tlog, vehicle: Vehicle, timeline: _Timeline) -> tuple[tuple[np.ndarray, np.ndarray], int]:
-    """((INS rows, frame numbers), how many reports came before there was a position)."""
-    report = log.messages("GLOBAL_POSITION_INT", vehicle)
-    gps = log.messages("GPS_RAW_INT", vehicle)
-    number = report["frame_no"]
-    boot_first = np.array([boot.first for boot in timeline.boots], np.int64)
-    since = boot_first[np.searchsorted(boot_first, number, "right") - 1]
-    fix = gps[gps["fix_type"] >= autopilot.FIX_3D]
-    silent = _newest(gps["frame_no"], number) < since
-    fixed = silent | (_newest(fix["frame_no"], number) >= since)
-    gps_alt = np.concatenate([[np.nan], fix["alt"]])[np.searchsorted(fix["frame_no"], number)]
-    valid = fixed & autopilot.has_position(
-        report["lat"], report["lon"], report["alt"], report["relative_alt"], gps_alt
-    )
-    separation = autopilot.geoid_separation_m(gps["fix_type"], gps["alt"], gps["alt_ellipsoid"])
-    known = np.isfinite(separation)
-    report, number = report.compress(valid), number[valid]
-    rows = _rows(timeline.at(report))
-    values = autopilot.position_velocity(*(report[name] for name in ("lat", "lon", "alt", "vx", "vy", "vz")))
-    for name, value in zip(
-        ("lat_deg", "lon_deg", "alt_msl_m", "ve_mps", "vn_mps", "vu_mps"), values, strict=True
-    ):
-        rows[name] = value
-    newest = np.searchsorted(gps["frame_no"][known], number)
-    rows["geoid_separation_m"] = np.concatenate([[np.nan], separation[known]])[newest]
-    return (rows, number), int(np.count_nonzero(~valid))
-
-
-def _newest(events: np.ndarray, frame_no: np.ndarray) -> np.ndarray:
-    """(n,) frame number of the newest event before each frame, −1 where there is none."""
-    return np.concatenate([[-1], events])[np.searchsorted(events, frame_no)]
-
-
-def _accelerations(log: Tlog, vehicle: Vehicle, timeline: _Timeline) -> tuple[str | None, tuple]:
-    """(IMU message, (INS rows, frame numbers)): one row per IMU message with a fresh ATTITUDE before it."""
-    attitude = log.messages("ATTITUDE", vehicle)
-    attitude_ns = timeline.at(attitude)
-    for name, unit in autopilot.IMUS.items():
-        imu = log.messages(name, vehicle)
-        force = _columns(imu, "xacc", "yacc", "zacc") * unit
-        if autopilot.is_accelerometer(force) and attitude.size:
-            break
-    else:
-        return None, (_rows(np.empty(0, np.int64)), np.empty(0, np.int64))
-    t_ns = timeline.at(imu)
-    before = np.searchsorted(attitude["frame_no"], imu["frame_no"]) - 1
-    age_ns = t_ns - attitude_ns[before]
-    fresh = (before >= 0) & (np.abs(age_ns) <= autopilot.ATTITUDE_AGE_NS)
-    used = attitude.take(before[fresh])
-    rows = _rows(t_ns[fresh])
-    rows["ae_mps2"], rows["an_mps2"], rows["au_mps2"] = autopilot.acceleration_enu(
-        force[fresh],
-        _columns(used, "roll", "pitch", "yaw"),
-        _columns(used, "rollspeed", "pitchspeed", "yawspeed"),
-        age_ns[fresh] / flightclock.S,
-    ).T
-    return name, (rows, imu["frame_no"][fresh])
-
-
-def _air(log: Tlog, vehicle: Vehicle, timeline: _Timeline) -> np.ndarray:
-    """(m,) AIR: a VFR_HUD at the time of the ATTITUDE before it, from where a pitot tube is known of."""
-    hud, attitude = log.messages("VFR_HUD", vehicle), log.messages("ATTITUDE", vehicle)
-    status = log.messages("SYS_STATUS", vehicle)
-    fitted = status["onboard_control_sensors_present"] & autopilot.DIFFERENTIAL_PRESSURE > 0
-    told = np.append(status["frame_no"][fitted], log.messages("AIRSPEED", vehicle)["frame_no"])
-    since = max(told.min(initial=log.frames.size), attitude["frame_no"].min(initial=log.frames.size))
-    hud = hud.compress(hud["frame_no"] > since)
-    used = attitude.take(np.searchsorted(attitude["frame_no"], hud["frame_no"]) - 1)
-    air = np.zeros(hud.size, AIR)
-    air["t_ns"] = air["arrival_ns"] = timeline.at(used)
-    air["airspeed_mps"], air["alt_msl_m"] = hud["airspeed"], hud["alt"]
-    for name in ("roll", "pitch", "yaw"):
-        air[f"{name}_deg"] = np.degrees(used[name].astype(float))
-    beats, winds = log.messages("HEARTBEAT", vehicle), log.messages("WIND", vehicle)
-    newest = np.searchsorted(beats["frame_no"], hud["frame_no"])
-    air["coordinated"] = np.append([0], beats["type"])[newest] == autopilot.FIXED_WING
-    own = autopilot.wind_en(*(winds[name].astype(float) for name in ("direction", "speed")))
-    newest = np.searchsorted(winds["frame_no"], hud["frame_no"])
-    for name, wind in zip(("own_wind_e_mps", "own_wind_n_mps"), own, strict=True):
-        air[name] = np.append([np.nan], wind)[newest]
-    return air.take(np.argsort(air["t_ns"], kind="stable"))
-
-
-def _columns(messages: np.ndarray, *names: str) -> np.ndarray:
-    """(n, 3) float64 of three fields."""
-    return np.stack([messages[name].astype(float) for name in names], axis=-1)
-
-
-def _rows(t_ns: np.ndarray) -> np.ndarray:
-    """(n,) INS with nothing known but the time."""
-    rows = np.empty(t_ns.size, INS)
-    for name in INS.names:
-        rows[name] = t_ns if INS[name] == np.int64 else np.nan
-    return rows
-
-
-def _no_position(log: Tlog, vehicle: Vehicle, before_fix: int) -> str:
-    own = (log.frames["sysid"] == vehicle.system_id) & (log.frames["compid"] == vehicle.component_id)
-    names = frames.dialect().names
-    has = ", ".join(sorted(names[i] for i in np.unique(log.msgid[own & (log.msgid >= 0)])))
-    why = f"all {before_fix} are from before a GPS fix" if before_fix else "no GLOBAL_POSITION_INT from it"
-    others = ", ".join(f"{v.system_id} ({v.kind})" for v in vehicles(log) if v != vehicle)
-    return (
-        f"{log.path}: vehicle {vehicle.system_id} never has a position ({why}); it sends {has}; "
-        f"other systems: {others or 'none'}; choose another log or set [vehicle] system_id"
-    )

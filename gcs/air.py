@@ -174,7 +174,7 @@ def _through_air(sample) -> tuple[float, np.ndarray]:
 
 def _message(wind: winds.Wind, sample) -> Wind:
     own_e, own_n = float(sample["own_wind_e_mps"]), float(sample["own_wind_n_mps"])
-    own = _polar(own_e, own_n) if np.isfinite(own_e) else (None, None)
+    own = _polar(own_e, own_n) if np.isfinite(own_e + own_n) else (None, None)
     (ee, en), (_, nn) = wind.covariance.tolist()
     return Wind(
         t_ns=wind.t_ns,

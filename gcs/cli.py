@@ -3,35 +3,19 @@
 Exit codes: 0 done, 1 the run failed, 2 wrong usage or input (one line on stderr, no traceback).
 """
 
-import os
-import signal
 import sys
-import threading
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 from cyclopts import App, CycloptsError, Parameter
 
-from gcs import __version__
+from gcs import __version__, cli_bench, cli_bridge
+from gcs.cli_options import Config, Correction, Feeds, StationFile, on_signal, stopped
 from gcs.messages import InputError
 
 app = App(name="gcs", version=__version__, help="Flight-test trajectory measurement: where was it really?")
-bridge = App(name="bridge", help="One bridge alone, on whichever machine the instrument hangs on.")
-bench = App(name="bench", help="Measure the estimator: how exact, how fast.")
-app.command(bridge)
-app.command(bench)
-
-StationFile = Annotated[
-    Path | None, Parameter(help="station.toml; needed as soon as there are ground sensors")
-]
-Feeds = Annotated[
-    tuple[str, ...], Parameter(consume_multiple=True, negative="", help="NAME=FILE.csv, one per instrument")
-]
-Correction = Annotated[str, Parameter(help="the learned part: off, or a network that gcs train wrote")]
-Config = Annotated[
-    tuple[str, ...],
-    Parameter(consume_multiple=True, negative="", help="KEY=VALUE, any setting: ins.height_m=1.5"),
-]
+app.command(cli_bridge.app)
+app.command(cli_bench.app)
 
 
 def main() -> None:
@@ -89,7 +73,7 @@ def replay(
                 shown.clear()
             return new_session(resolved, loaded.frame, folder, method, targets(bus, shown), Files(), learned)
 
-        _on_signal(playback.stop)
+        on_signal(playback.stop)
         summary = driver.run(loaded, session, playback, stay=view)
     say(f"run folder: {folder}")
     if not summary["complete"] and not view:
@@ -114,7 +98,7 @@ def run(
     from gcs.station import serve
 
     resolved, learned = configuration.load(station, config), correction_of(correction)
-    serve(resolved, out, view, method, _stopped(), seconds, correction=learned)
+    serve(resolved, out, view, method, stopped(), seconds, correction=learned)
 
 
 @app.command
@@ -151,7 +135,7 @@ def demo(
     """The sample flight with theodolites and a radar, live through Zenoh, in the browser."""
     from gcs import demo as demonstration
 
-    demonstration.run(_stopped(), seconds, view, out, config)
+    demonstration.run(stopped(), seconds, view, out, config)
 
 
 @app.command
@@ -186,130 +170,6 @@ def doctor(*, station: StationFile = None, config: Config = ()) -> None:
     sys.exit(0 if checks.run(station, config) else 1)
 
 
-@bridge.command
-def mavlink(
-    *,
-    station: Path,
-    link: Annotated[
-        str | None, Parameter(help="any pymavlink address; the station file's by default")
-    ] = None,
-    config: Config = (),
-) -> None:
-    """An autopilot's MAVLink, listen-only, onto the bus as ``raw/ins``."""
-    from bridges import mavlink as source
-    from gcs import config as configuration
-
-    resolved = configuration.load(station, config)
-    stop = _stopped()
-    with _bridge_bus(resolved) as bus:
-        source.run(link or resolved.mavlink.link, resolved.vehicle.system_id, bus, stop)
-
-
-@bench.command
-def accuracy(
-    *cases: str,
-    seeds: int = 50,
-    first_seed: int = 10_000,
-    seconds: float = 60.0,
-    method: Annotated[tuple[str, ...], Parameter(consume_multiple=True, negative="")] = ("default",),
-    out: Path | None = None,
-) -> None:
-    """Every case, or those named, over many seeds; errors as ratios to the filter told the outliers."""
-    from gcs.bench import accuracy as bench_accuracy
-
-    bench_accuracy.run(seeds, first_seed, seconds, cases, method, out=out)
-
-
-@bench.command
-def papers() -> None:
-    """The papers' tables: what they report, ours, the baselines."""
-    from gcs.bench import show_m1, show_m2, show_m3, table
-
-    for paper in (show_m1, show_m2, show_m3):
-        for each in paper.tables():
-            table.show(each)
-
-
-@bench.command(name="speed")
-def bench_speed(*, seconds: float = 3600.0, out: Path | None = None) -> None:
-    """One update beside other filters, one measurement live, a whole flight; ratios from one run."""
-    from gcs.bench import speed
-
-    speed.run(seconds, out=out)
-
-
-def _instrument(kind: Literal["theodolite", "radar"]):
-    """The command that bridges one instrument of a kind."""
-
-    def command(
-        name: str,
-        *,
-        station: Path,
-        udp: Annotated[str | None, Parameter(help="HOST:PORT to listen on for JSON lines")] = None,
-        file: Annotated[Path | None, Parameter(help="a feed file, played at its own pace")] = None,
-        speed: Annotated[float, Parameter(help="times real time, of a file")] = 1.0,
-        config: Config = (),
-    ) -> None:
-        from bridges import radar, theodolite
-        from gcs import config as configuration
-
-        resolved = configuration.load(station, config)
-        known = [sensor.name for sensor in resolved.sensor if sensor.kind == kind]
-        if name not in known:
-            raise InputError(f"{station}: no {kind} {name!r}; it has {', '.join(known) or 'none'}")
-        if (udp is None) == (file is None):
-            raise InputError("name one origin: --udp HOST:PORT or --file FILE.csv")
-        origin, pace = (file, {"speed": speed}) if file else (_address(udp), {})
-        with _bridge_bus(resolved) as bus:
-            source = {"theodolite": theodolite, "radar": radar}[kind]
-            source.run(bus, name, origin, _stopped(), **pace)
-
-    return command
-
-
-@bridge.command
-def simulated(
-    truth: Path,
-    *,
-    station: Path,
-    seed: int = 0,
-    tlog: Annotated[
-        Path | None, Parameter(help="the same flight's log, where the truth is in boot time")
-    ] = None,
-    speed: float = 1.0,
-    now: Annotated[bool, Parameter(negative="", help="move the flight to the present")] = False,
-    config: Config = (),
-) -> None:
-    """Every instrument of the station onto the bus, simulated from a truth track with all that goes wrong."""
-    from bridges import simulated as source
-    from gcs import config as configuration
-
-    resolved = configuration.load(station, config)
-    track = source.read_truth(truth, source.boot_to_utc_ns(tlog) if tlog else None)
-    instruments = source.crooked(source.instruments_of(station), seed)
-    with _bridge_bus(resolved) as bus:
-        source.run(bus, track, instruments, seed, _stopped(), speed=speed, now=now)
-
-
-for _kind in ("theodolite", "radar"):
-    bridge.command(_instrument(_kind), name=_kind, help=f"One {_kind} onto the bus as ``raw/NAME``.")
-
-
-def _bridge_bus(station):
-    """A bridge is a client of the station's router, and waits for it."""
-    from gcs.console import say
-    from gcs.sinks import open_bus
-
-    return open_bus(station, mode="client", waiting=say)
-
-
-def _address(text: str) -> tuple[str, int]:
-    host, _, port = text.rpartition(":")
-    if not host or not port.isdigit():
-        raise InputError(f"--udp {text}: expected HOST:PORT, such as 127.0.0.1:9001")
-    return host, int(port)
-
-
 def _feed_paths(feeds: tuple[str, ...]) -> dict[str, Path]:
     paths = {}
     for item in feeds:
@@ -330,26 +190,6 @@ def _speed(text: str) -> float:
     if not speed > 0:
         raise InputError(f"--speed {text}: expected a positive number, or max")
     return speed
-
-
-def _on_signal(action) -> None:
-    """Call ``action`` at SIGINT or SIGTERM, in a thread: the handler may interrupt one that holds a lock."""
-    heard, tell = os.pipe()
-
-    def wait() -> None:
-        os.read(heard, 1)
-        action()
-
-    threading.Thread(target=wait, daemon=True).start()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: os.write(tell, b"."))
-
-
-def _stopped() -> threading.Event:
-    """An event that SIGINT or SIGTERM sets."""
-    stop = threading.Event()
-    _on_signal(stop.set)
-    return stop
 
 
 def _refuse(line: str) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from bridges import feed, radar, theodolite, tlog
+from bridges import feed, radar, theodolite, tlog, tlog_flight
 from bridges.frames import STAMP
 from gcs import config, station
 from gcs.console import say
@@ -37,7 +37,7 @@ def run(
 def _start(resolved: config.Station, stop: threading.Event, stack: ExitStack) -> threading.Event:
     """Start every feed at the same moment of the flight; returns the event that says it is over."""
     log = tlog.read(FLIGHT)
-    begin_ns = int(tlog.ins(log, resolved.vehicle.system_id)["t_ns"].min())
+    begin_ns = int(tlog_flight.ins(log, resolved.vehicle.system_id)["t_ns"].min())
     players = [threading.Thread(target=send, args=(log, resolved.mavlink.link, stop), daemon=True)]
     for sensor in resolved.sensor:
         due = feed.timeline(sensor.name, *READ[sensor.kind](SAMPLE / f"{sensor.name}.csv", sensor.name))

@@ -87,7 +87,7 @@ class Intake:
         return self._batch(name, measured["t_ns"], values, CHANNELS.index("range"), position)
 
     def ins(self, measured: np.ndarray) -> Batch:
-        """(n,) INS: heights become ellipsoidal, everything station ENU."""
+        """(n,) INS: heights become ellipsoidal, everything station ENU. What was guessed is complained of."""
         lat, lon = measured["lat_deg"], measured["lon_deg"]
         position = self.frame.to_enu(lat, lon, measured["alt_msl_m"] + self._separation(measured))
         where = np.isfinite(lat) & np.isfinite(lon)
@@ -99,7 +99,11 @@ class Intake:
             np.stack([measured[f] for f in ("ae_mps2", "an_mps2", "au_mps2")], axis=1), *here
         )
         values = np.concatenate([position, velocity, turned], axis=1)
-        return self._batch("ins", measured["t_ns"], values, CHANNELS.index("e"), position)
+        batch = self._batch("ins", measured["t_ns"], values, CHANNELS.index("e"), position)
+        guessed = (measured["dead_reckoned"] > 0)[batch.entries["measurement"]]
+        guessed &= batch.entries["channel"] < CHANNELS.index("ae")
+        batch.complaints[guessed] = self.ledger.reason("no GPS fix, the autopilot's own dead reckoning")
+        return batch
 
     def bad(self, name: str, bads: list[Bad]) -> Batch:
         """Input that was no measurement at all: one entry for each."""

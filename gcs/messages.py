@@ -42,6 +42,7 @@ class InsMeasurement(_Message, frozen=True, kw_only=True):
     ae_mps2: float | None = None  # kinematic acceleration (gravity removed), local ENU at the aircraft
     an_mps2: float | None = None
     au_mps2: float | None = None
+    dead_reckoned: bool = False  # position and velocity are the autopilot's own guess: it has lost GPS
 
 
 class PolarMeasurement(_Message, frozen=True, kw_only=True):

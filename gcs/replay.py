@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bridges import radar, theodolite, tlog
+from bridges import radar, theodolite, tlog, tlog_flight
 from gcs.config import Station
 from gcs.frames import Frame
 from gcs.intake import Batch, Intake, merge
@@ -42,7 +42,7 @@ def load(log: Path, station: Station, feeds: dict[str, Path]) -> Flight:
             raise InputError(
                 f"--feed {name}: the station has no sensor of that name; it has {', '.join(kinds) or 'none'}"
             )
-    own = tlog.flight(tlog.read(log), station.vehicle.system_id)
+    own = tlog_flight.flight(tlog.read(log), station.vehicle.system_id)
     ins = own.rows
     measured = {name: READ_FEED[kinds[name]](path, name) for name, path in feeds.items()}
     frame = _frame(station, ins)

@@ -110,7 +110,7 @@ def navigation(seeds: int = 50, outliers: float = OUTLIERS) -> tuple[float, floa
 def flight(log_path: Path, truth_path: Path) -> Air:
     """A recorded flight's air data, each VFR_HUD at the time of the ATTITUDE before it."""
     log = tlog.read(log_path)
-    vehicle = tlog.flight(log).vehicle
+    vehicle = tlog.choose(log, tlog.vehicles(log))
     attitude, hud = log.messages("ATTITUDE", vehicle), log.messages("VFR_HUD", vehicle)
     ground = log.messages("GLOBAL_POSITION_INT", vehicle)
     attitude_s, ground_s = (m["time_boot_ms"] * 1e-3 for m in (attitude, ground))

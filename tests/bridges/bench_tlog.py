@@ -22,7 +22,7 @@ from statistics import median
 import numpy as np
 from pymavlink import mavutil
 
-from bridges import frames, tlog
+from bridges import frames, tlog, tlog_flight
 from tests.bridges import oracle
 
 ROUNDS = 5
@@ -59,7 +59,7 @@ def our_all(path: Path) -> int:
 
 
 def our_rows(path: Path) -> int:
-    return tlog.flight(tlog.read(path)).rows.size
+    return tlog_flight.flight(tlog.read(path)).rows.size
 
 
 def speed(paths: list[Path]) -> None:

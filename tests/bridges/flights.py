@@ -4,9 +4,14 @@ import random
 from collections.abc import Iterator
 from typing import NamedTuple
 
+import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as dialect
+from pymavlink.generator.mavcrc import x25crc
+
+from bridges import tlog
 
 LAT, LON, ALT_MM, GEOID_MM = 473977420, 85455940, 488_000, 47_300
+FIX_TYPE_AT = 28  # in the payload of GPS_RAW_INT
 START_US = 1_700_000_000_000_000  # UTC of boot
 
 
@@ -71,3 +76,21 @@ def write(path, *records: list[bytes]):
     """A tlog of all records, one list behind the other."""
     path.write_bytes(b"".join(record for part in records for record in part))
     return path
+
+
+def without_fix(log: tlog.Tlog, begin_s: float, end_s: float) -> bytes:
+    """The file of ``log`` with GPS_RAW_INT saying between two receipt times since its start: no fix."""
+    data, gps = bytearray(log.data.tobytes()), dialect.MAVLink_gps_raw_int_message
+    since_s = (log.receipt_us - log.receipt_us[0]) * 1e-6
+    for frame in log.frames[(log.msgid == gps.id) & (since_s >= begin_s) & (since_s < end_s)]:
+        start, length = int(frame["offset"]), int(frame["length"])
+        payload = start + (10 if frame["version"] == 2 else 6)
+        data[payload + FIX_TYPE_AT] = dialect.GPS_FIX_TYPE_NO_FIX
+        checked = x25crc(data[start + 1 : payload + length] + bytes([gps.crc_extra]))
+        data[payload + length : payload + length + 2] = checked.crc.to_bytes(2, "little")
+    return bytes(data)
+
+
+def positions(rows: np.ndarray) -> np.ndarray:
+    """Those of (n,) INS that have one."""
+    return rows[np.isfinite(rows["lat_deg"])]

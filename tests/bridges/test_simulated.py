@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bridges import feed, simulated, tlog
+from bridges import feed, simulated, tlog, tlog_flight
 from filters import simulate
 from gcs.messages import PolarMeasurement
 from tests.bridges.fake import FakeBus
@@ -142,7 +142,7 @@ def test_clean_feeds_have_noise_only(tmp_path):
 
 def test_sample_log_agrees_with_its_truth():
     truth = simulated.read_truth(SAMPLE / "truth.csv")
-    ins = tlog.ins(tlog.read(SAMPLE / "flight.tlog"))
+    ins = tlog_flight.ins(tlog.read(SAMPLE / "flight.tlog"))
     ins = ins[np.isfinite(ins["lat_deg"])]
     ins = ins[(ins["t_ns"] > truth["t_ns"][0]) & (ins["t_ns"] < truth["t_ns"][-1])]
     assert len(ins) > 1400

@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter
 
-from bridges import simulated, tlog
+from bridges import simulated, tlog, tlog_flight
 from filters import estimator
 from filters.rows import AZIMUTH, ELEVATION, TRACK
 from gcs import config, replay
@@ -55,7 +55,7 @@ def make_feeds(log: Path, truth: Path, folder: Path, clean: bool) -> dict[str, P
 
 def vehicle_of(log: Path) -> str:
     """The setting for the one vehicle in the log."""
-    return f"vehicle.system_id={tlog.flight(tlog.read(log)).vehicle.system_id}"
+    return f"vehicle.system_id={tlog_flight.flight(tlog.read(log)).vehicle.system_id}"
 
 
 def speed(log: Path, truth: Path) -> None:

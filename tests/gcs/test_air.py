@@ -1,23 +1,30 @@
 """Wind and dead reckoning in the loop: a made-up flight, cut into any pieces; and a recorded one."""
 
+import csv
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from bridges import tlog
 from filters.rows import TRACK
 from filters.wind import true_airspeed
 from gcs import config, replay
 from gcs.air import LOST_NS, Air
 from gcs.messages import AIR, Event, Wind
+from gcs.record import Record
 from gcs.session import Session
+from tests.bridges.flights import without_fix
 
 DATA = Path(__file__).parents[2] / "../shared/data"
+SAMPLE = Path(__file__).parents[2] / "logs" / "sample"
 T0_NS = 1_700_000_000_000_000_000
 S_NS = 1_000_000_000
 WIND = np.array([6.0, -5.0])  # east, north
 TAS_MPS, HEIGHT_M = 20.0, 500.0
 LOST_S = (60.0, 120.0)
+LOST_SAMPLE_S = (115.0, 140.0)  # after the turns that show the wind
 
 
 def circles(t_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -170,3 +177,45 @@ def test_a_recorded_flight_without_any_position_for_a_minute():
     assert found["median"]["speed_mps"] == pytest.approx(8.0, abs=0.3)
     assert found["median"]["from_deg"] == pytest.approx(310.0, abs=3.0)
     assert found["states_reckoned"] > 500
+
+
+def test_a_log_that_says_that_gps_was_lost(tmp_path):
+    """The autopilot's own reckoning is refused, each value with its verdict; ours takes over."""
+    log = tlog.read(SAMPLE / "flight.tlog")
+    path = tmp_path / "flight.tlog"
+    path.write_bytes(without_fix(log, *LOST_SAMPLE_S))
+    station, kept = config.load(None), Keep()
+    loaded = replay.load(path, station, {})
+    session = Session(station, loaded.frame, [kept, Record(tmp_path, station, loaded.frame)])
+    session.enter(replay.batch(loaded, session.intake))
+    session.enter_air(loaded.air)
+    summary = session.finish(loaded.about)
+
+    lost = loaded.ins["dead_reckoned"] > 0
+    begin_ns, end_ns = loaded.ins["t_ns"][lost][[0, -1]].tolist()
+    assert (end_ns - begin_ns) / S_NS == pytest.approx(np.ptp(LOST_SAMPLE_S), abs=0.3)
+    count = int(lost.sum())
+    assert count == summary["log"]["positions_dead_reckoned"]
+    assert summary["log"]["frames_bad_crc"] == {}
+    with (tmp_path / "verdicts.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    refused = [row for row in rows if row["verdict"] == "invalid"]
+    assert {begin_ns, end_ns} <= {int(row["t_ns"]) for row in refused}
+    assert {row["reason"] for row in refused} == {"no GPS fix, the autopilot's own dead reckoning"}
+    assert Counter(row["channel"] for row in refused) == dict.fromkeys(
+        ["e", "n", "u", "ve", "vn", "vu"], count
+    )
+    assert sum(row["channel"] == "e" for row in rows) == np.isfinite(loaded.ins["lat_deg"]).sum()
+    moved_m = [float(row["value"]) for row in refused if row["channel"] == "e"]
+    assert np.ptp(moved_m) > 100.0  # what was said is kept
+
+    texts = [told.text for told in kept.told if isinstance(told, Event)]
+    assert [text.split(":")[0] for text in texts] == ["no position or velocity for 2 s", "position is back"]
+    truth = np.genfromtxt(SAMPLE / "truth.csv", delimiter=",", names=True)
+    true = loaded.frame.to_enu(truth["lat_deg"], truth["lon_deg"], truth["alt_m"])
+    track = np.concatenate(kept.track)
+    last = track[np.searchsorted(track["t_ns"], end_ns) - 1]
+    off = last["x"][:2] - [np.interp(last["t_ns"] / 1e9, truth["t_ns"] / 1e9, true[:, k]) for k in (0, 1)]
+    assert np.hypot(*off) < 8.0 * np.ptp(LOST_SAMPLE_S) / 3.0
+    assert off @ np.linalg.solve(last["P"][:2, :2], off) < 12.0
+    assert last["quality"] < 10.0

@@ -6,7 +6,9 @@ from filters import model
 from filters.rows import AZIMUTH, ELEVATION, RANGE
 from gcs.config import Position, Sensor, SensorPrior, Station
 from gcs.frames import Frame
-from gcs.intake import sensors_of
+from gcs.intake import Intake, sensors_of
+from gcs.ledger import Ledger
+from gcs.messages import CHANNELS, InsMeasurement, decode, encode, to_columns
 
 SITE = Position(lat_deg=-35.35, lon_deg=149.16, alt_m=640.0)
 
@@ -22,3 +24,27 @@ def test_priors_reach_the_state():
     expected = [2.0, np.radians(0.1), np.radians(0.2)]
     np.testing.assert_allclose(np.sqrt(built.prior[at]), expected)
     assert np.sqrt(built.prior[built.clock_at[1]]) == 0.5
+
+
+def test_dead_reckoning_costs_position_and_velocity_only():
+    place = {"lat_deg": -35.36, "lon_deg": 149.16, "alt_msl_m": 650.0}
+    moved = dict.fromkeys(["ve_mps", "vn_mps", "vu_mps", "ae_mps2", "an_mps2", "au_mps2"], 1.0)
+    sent = [
+        InsMeasurement(t_ns=k, arrival_ns=k, dead_reckoned=lost, **place, **moved)
+        for k, lost in enumerate([False, True])
+    ]
+    station, frame = Station(), Frame(-35.36, 149.16, 600.0)
+    ledger = Ledger([sensor.name for sensor in sensors_of(station, frame)], ("",))
+    batch = Intake(station, frame, ledger).ins(
+        to_columns([decode(*encode(one)) for one in sent], InsMeasurement)
+    )
+    said = {
+        (entry["measurement"], CHANNELS[entry["channel"]]): ledger.reasons[complaint]
+        for entry, complaint in zip(batch.entries, batch.complaints, strict=True)
+    }
+    assert len(said) == 18
+    complaint = "no GPS fix, the autopilot's own dead reckoning"
+    assert {key for key, text in said.items() if text == complaint} == {
+        (1, channel) for channel in ("e", "n", "u", "ve", "vn", "vu")
+    }
+    assert set(said.values()) == {"", complaint}

@@ -62,7 +62,8 @@ def timelines(flight) -> dict[str, list]:
     ins = np.sort(flight.ins, order="t_ns")
     names = INS.names
     own = [
-        InsMeasurement(**{n: v for n, v in zip(names, row, strict=True) if v == v}) for row in ins.tolist()
+        InsMeasurement(**{n: v for n, v in zip(names, row, strict=True) if v == v and n != "dead_reckoned"})
+        for row in ins.tolist()
     ]
     told = {"ins": [(message.t_ns, "ins", message) for message in own]}
     return told | {name: feed.timeline(name, rows, bad) for name, (rows, bad) in flight.feeds.items()}

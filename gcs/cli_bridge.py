@@ -1,0 +1,102 @@
+"""``gcs bridge``: one instrument onto the bus."""
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from cyclopts import App, Parameter
+
+from gcs.cli_options import Config, stopped
+from gcs.messages import InputError
+
+app = App(name="bridge", help="One bridge alone, on whichever machine the instrument hangs on.")
+
+
+@app.command
+def mavlink(
+    *,
+    station: Path,
+    link: Annotated[
+        str | None, Parameter(help="any pymavlink address; the station file's by default")
+    ] = None,
+    config: Config = (),
+) -> None:
+    """An autopilot's MAVLink, listen-only, onto the bus as ``raw/ins``."""
+    from bridges import mavlink as source
+    from gcs import config as configuration
+
+    resolved = configuration.load(station, config)
+    stop = stopped()
+    with _bridge_bus(resolved) as bus:
+        source.run(link or resolved.mavlink.link, resolved.vehicle.system_id, bus, stop)
+
+
+@app.command
+def simulated(
+    truth: Path,
+    *,
+    station: Path,
+    seed: int = 0,
+    tlog: Annotated[
+        Path | None, Parameter(help="the same flight's log, where the truth is in boot time")
+    ] = None,
+    speed: float = 1.0,
+    now: Annotated[bool, Parameter(negative="", help="move the flight to the present")] = False,
+    config: Config = (),
+) -> None:
+    """Every instrument of the station onto the bus, simulated from a truth track with all that goes wrong."""
+    from bridges import simulated as source
+    from gcs import config as configuration
+
+    resolved = configuration.load(station, config)
+    track = source.read_truth(truth, source.boot_to_utc_ns(tlog) if tlog else None)
+    instruments = source.crooked(source.instruments_of(station), seed)
+    with _bridge_bus(resolved) as bus:
+        source.run(bus, track, instruments, seed, stopped(), speed=speed, now=now)
+
+
+def _instrument(kind: Literal["theodolite", "radar"]):
+    """The command that bridges one instrument of a kind."""
+
+    def command(
+        name: str,
+        *,
+        station: Path,
+        udp: Annotated[str | None, Parameter(help="HOST:PORT to listen on for JSON lines")] = None,
+        file: Annotated[Path | None, Parameter(help="a feed file, played at its own pace")] = None,
+        speed: Annotated[float, Parameter(help="times real time, of a file")] = 1.0,
+        config: Config = (),
+    ) -> None:
+        from bridges import radar, theodolite
+        from gcs import config as configuration
+
+        resolved = configuration.load(station, config)
+        known = [sensor.name for sensor in resolved.sensor if sensor.kind == kind]
+        if name not in known:
+            raise InputError(f"{station}: no {kind} {name!r}; it has {', '.join(known) or 'none'}")
+        if (udp is None) == (file is None):
+            raise InputError("name one origin: --udp HOST:PORT or --file FILE.csv")
+        origin, pace = (file, {"speed": speed}) if file else (_address(udp), {})
+        with _bridge_bus(resolved) as bus:
+            source = {"theodolite": theodolite, "radar": radar}[kind]
+            source.run(bus, name, origin, stopped(), **pace)
+
+    return command
+
+
+for _kind in ("theodolite", "radar"):
+    app.command(_instrument(_kind), name=_kind, help=f"One {_kind} onto the bus as ``raw/NAME``.")
+
+
+def _bridge_bus(station):
+    """A bridge is a client of the station's router, and waits for it."""
+    from gcs.console import say
+    from gcs.sinks import open_bus
+
+    return open_bus(station, mode="client", waiting=say)
+
+
+def _address(text: str) -> tuple[str, int]:
+    host, _, port = text.rpartition(":")
+    if not host or not port.isdigit():
+        raise InputError(f"--udp {text}: expected HOST:PORT, such as 127.0.0.1:9001")
+    return host, int(port)
