@@ -57,7 +57,7 @@ def run(out: Path | None = None, recorded: Path = RECORDED, counts: Counts = Cou
     lines = show_m1.lines(m1) + show_m2.lines(m2) + show_m3.lines(m3)
     lines.sort(key=lambda line: line.row)
     grids = show_m1.grids(m1) + show_m2.grids(m2) + show_m3.grids(m3)
-    head = f"{wall_s:.0f} s; seeds from {FIRST_SEED}; {counts.runs} flights, {counts.winds} winds, {counts.records} records."
+    head = f"Measured in {wall_s:.0f} s, on seeds from {FIRST_SEED}; " + _said(counts)
     path = report.write(folder, head, lines, drawn_m1 + drawn_m2 + drawn_m3, grids)
     found = {"m1": m1, "m2": m2, "m3": m3}
     found = {"wall_s": wall_s, "counts": counts._asdict(), "lines": [one._asdict() for one in lines]} | found
@@ -65,3 +65,7 @@ def run(out: Path | None = None, recorded: Path = RECORDED, counts: Counts = Cou
     table.show(report.terminal(lines))
     say(f"{wall_s:.0f} s; written: {path}")
     return found
+
+
+def _said(counts: Counts) -> str:
+    return ", ".join(f"{name} {count}" for name, count in counts._asdict().items()) + "."

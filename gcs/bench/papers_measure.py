@@ -49,36 +49,33 @@ def m1(counts: Counts) -> tuple[dict, list[Drawn]]:
         "smoothness": smooth,
         "network": network,
     }
-    first, picture = papers_simulations.flights(1, first_outlier=FIRST_OUTLIER)[0], papers_pictures_m1
-    drawn = [
+    return found, _drawn_m1(errors, converged, starts)
+
+
+def _drawn_m1(errors: dict, converged: dict, starts: dict) -> list[Drawn]:
+    picture = papers_pictures_m1
+    runs = papers_simulations.flights(len(errors["ekf"].dirty), first_outlier=FIRST_OUTLIER)
+    theodolite = [
         Drawn(
-            "m1-simulation-1", picture.simulation_1(errors), "M1, simulation 1: accuracy without outliers."
-        ),
-        Drawn(
-            "m1-simulation-2", picture.simulation_2(errors, first), "M1, simulation 2: outliers on the range."
-        ),
-        Drawn(
-            "m1-genetic",
-            picture.convergence(converged, starts),
-            f"M1, the genetic algorithm's roulettes, means of {counts.trainings}; boxes of as many trainings.",
-        ),
-        *(
-            Drawn(
-                f"m1-gradient-{level}",
-                picture.gradient(smoothness_m1.watch(level, FIRST_SEED), level),
-                "M1, smoothness: the gradient beside the true error.",
-            )
-            for level in LEVELS
-        ),
+            f"m1-gradient-{level}",
+            picture.gradient(smoothness_m1.watch(level, FIRST_SEED), level),
+            "M1, smoothness: the gradient beside the true error.",
+        )
+        for level in LEVELS
     ]
-    return found, drawn
+    return [
+        Drawn("m1-simulation-1", picture.simulation_1(errors), "M1, simulation 1: no outliers."),
+        Drawn("m1-simulation-2", picture.simulation_2(errors, runs), "M1, simulation 2: outliers in range."),
+        Drawn("m1-genetic", picture.convergence(converged, starts), "M1: roulettes, and starts of training."),
+        *theodolite,
+    ]
 
 
 def m2(counts: Counts, recorded: Path) -> tuple[dict, list[Drawn]]:
     """Rows 8 to 10: the wind paper."""
     say("wind")
     found = {
-        "wind": wind.table(counts.winds),
+        "wind": {name: rmse.tolist() for name, rmse in wind.table(counts.winds).items()},
         "navigation": wind.navigation(counts.winds),
         "recorded": papers_recorded.measure(recorded),
     }

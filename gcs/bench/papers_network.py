@@ -51,7 +51,7 @@ def inference(net: correction.Network, u: np.ndarray) -> tuple[float, float]:
 
 
 def _best_s(work: Callable, repeats: int = 5) -> float:
-    """The least of some wall times: what the machine's other work does not disturb; first call not counted."""
+    """The least of some wall times: the one that the machine's other work disturbed least."""
     work()
     times_s = []
     for _ in range(repeats):

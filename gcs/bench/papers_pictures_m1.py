@@ -6,13 +6,27 @@ from matplotlib.figure import Figure
 from gcs.bench import baselines_m1 as baselines
 from gcs.bench.papers_convergence import Convergence
 from gcs.bench.papers_m1 import FIRST_OUTLIER, RANGE_SIGMA_M, STEP_S, STEPS, Run
-from gcs.bench.papers_picture import CLASSIC, FAULT, GREY, INK, OURS, label, panels
+from gcs.bench.papers_picture import (
+    DPI,
+    FAULT,
+    GREY,
+    INK,
+    OTHER,
+    OURS,
+    PANEL_IN,
+    WIDTH_IN,
+    decades,
+    label,
+    panels,
+    signed_decades,
+)
 from gcs.bench.papers_simulations import Errors
 from gcs.bench.smoothness_m1 import Watched
 
-COLOURS = {"ga-bp-ukf": OURS, "bp-ekf": FAULT, "classic ukf, tuned": CLASSIC}
-WATCHED = {"adaptive kalman + wavelet": FAULT, "ga-bp-ukf": OURS, "ga-bp-ukf, smoothed": CLASSIC}
+COLOURS = {"ga-bp-ukf": OURS, "bp-ekf": FAULT, "classic ukf, tuned": OTHER}
+WATCHED = {"adaptive kalman + wavelet": FAULT, "ga-bp-ukf": OURS, "ga-bp-ukf, smoothed": OTHER}
 ROULETTE = {"improved": OURS, "classic": FAULT}
+ENOUGH = 3  # outliers in the flight that is shown
 T_S = STEP_S * np.arange(1, STEPS + 1)
 
 
@@ -22,52 +36,55 @@ def simulation_1(found: dict[str, Errors]) -> Figure:
     for name, colour in COLOURS.items():
         away = np.sqrt((found[name].clean ** 2).sum(axis=2))
         one.plot(T_S, away[0], color=colour, label=name)
-        every.plot(T_S, away.mean(axis=0), color=colour, label=f"{name}, mean")
+        every.plot(T_S, away.mean(axis=0), color=colour, label=name)
         every.plot(T_S, np.median(away, axis=0), color=colour, linewidth=0.9, linestyle=":")
-    for axes, title in ((one, "simulation 1, first flight"), (every, f"{len(away)} flights; dotted: median")):
-        axes.set_yscale("log")
-        label(axes, title, "time, s", "position error, m", "upper right")
+    decades(one)
+    decades(every)
+    label(one, "simulation 1, the first flight", "", "position error, m")
+    label(every, f"{len(away)} flights: mean; dotted: median", "time, s", "position error, m")
     return figure
 
 
-def simulation_2(found: dict[str, Errors], run: Run) -> Figure:
-    """Range of the first flight, measured and filtered, and the position errors of all."""
+def simulation_2(found: dict[str, Errors], runs: list[Run]) -> Figure:
+    """Range of the first flight with ENOUGH outliers, measured and filtered, and the errors of all."""
     figure, (measured, filtered, every) = panels(3)
-    true_m = np.linalg.norm(run.truth[:, :3], axis=1)
-    off_m = run.z[:, 0] - true_m
+    true_m = np.array([np.linalg.norm(run.truth[:, :3], axis=1) for run in runs])
+    off_m = np.array([run.z[:, 0] for run in runs]) - true_m
     hit = (np.abs(off_m) > 5.0 * RANGE_SIGMA_M) & (np.arange(STEPS) >= FIRST_OUTLIER)
-    measured.plot(T_S, off_m, ".", color=GREY, label="measured")
-    measured.plot(T_S[hit], off_m[hit], "o", color=FAULT, markersize=5, label="outlier")
+    one = int((hit.sum(axis=1) >= ENOUGH).argmax())
+    measured.plot(T_S, off_m[one], ".", color=GREY, label="measured")
+    measured.plot(T_S[hit[one]], off_m[one][hit[one]], "o", color=FAULT, markersize=5, label="outlier")
     for name, colour in COLOURS.items():
         errors = found[name].dirty
-        range_m = baselines.observe(run.truth[:, :3] + errors[0])[:, 0]
-        filtered.plot(T_S, range_m - true_m, color=colour, label=name)
+        range_m = baselines.observe(runs[one].truth[:, :3] + errors[one])[:, 0]
+        filtered.plot(T_S, range_m - true_m[one], color=colour, label=name)
         every.plot(T_S, np.sqrt((errors**2).sum(axis=2).mean(axis=0)), color=colour, label=name)
-    measured.set_yscale("symlog", linthresh=10.0)
-    filtered.set_yscale("symlog", linthresh=1.0)
-    every.set_yscale("log")
-    label(measured, "simulation 2, first flight", "", "measured − true range, m", "upper left", 2)
-    label(filtered, "the same, filtered", "", "filtered − true range, m", "lower right", 3)
-    label(every, f"{len(errors)} flights", "time, s", "RMS position error, m", "upper right")
+    signed_decades(measured, 10.0)
+    signed_decades(filtered, 1.0)
+    decades(every)
+    label(measured, f"simulation 2, the first flight with {ENOUGH} outliers", "", "measured − true range, m")
+    label(filtered, "the same, filtered", "", "filtered − true range, m")
+    label(every, f"{len(errors)} flights", "time, s", "RMS position error, m")
     return figure
 
 
 def convergence(found: dict[str, Convergence], starts: dict) -> Figure:
-    """The genetic algorithm by either roulette, and what 20 trainings from each start come to."""
-    figure, (error, diversity, trained, spare) = panels(2, 2, share_x=False)
-    spare.remove()
+    """The genetic algorithm by either roulette, and what the trainings from each start come to."""
+    figure = Figure(figsize=(WIDTH_IN, 2 * PANEL_IN), dpi=DPI, layout="constrained")
+    axes = figure.subplot_mosaic([["error", "diversity"], ["trained", "trained"]])
     for name, colour in ROULETTE.items():
-        one = found[name]
-        error.plot(one.best, color=colour, label=f"{name}, best")
-        error.plot(one.mean, color=colour, linestyle=":", label=f"{name}, population's mean")
-        diversity.plot(one.diversity, color=colour, label=name)
-    diversity.set_ylim(bottom=0.0)
-    label(error, "genetic algorithm: error, the inverse of fitness", "generation", "mean squared error, σ²")
-    label(diversity, "diversity of the population", "generation", "spread of genes, share of the start's")
+        axes["error"].plot(found[name].best, color=colour, label=name)
+        axes["error"].plot(found[name].mean, color=colour, linestyle=":")
+        axes["diversity"].plot(found[name].diversity, color=colour, label=name)
+    axes["diversity"].set_ylim(bottom=0.0)
     boxes = [_box(name, starts[name]["after"]) for name in ("improved", "classic", "random")]
-    trained.bxp(boxes, showfliers=False, medianprops={"color": OURS}, orientation="horizontal", widths=0.5)
-    trained.invert_yaxis()
-    label(trained, "after training: held-out error by start", "mean squared error, σ²", "")
+    axes["trained"].bxp(
+        boxes, showfliers=False, medianprops={"color": OURS}, orientation="horizontal", widths=0.5
+    )
+    axes["trained"].invert_yaxis()
+    label(axes["error"], "best; dotted: population", "generation", "mean squared error, σ²")
+    label(axes["diversity"], "diversity", "generation", "spread of genes, share")
+    label(axes["trained"], "after training, by start", "held-out mean squared error, σ²", "")
     return figure
 
 
@@ -80,16 +97,13 @@ def gradient(watched: Watched, level: str) -> Figure:
         range_m = watched.values[name][:, 0]
         error.plot(watched.t_s, range_m - true_m, color=colour, linewidth=1.0, label=name)
         step.plot(watched.t_s[1:], np.abs(np.diff(range_m)), color=colour, linewidth=0.8, label=name)
-    step.plot(
-        watched.t_s[1:], np.abs(np.diff(true_m)), color=INK, linewidth=1.0, linestyle="--", label="truth"
-    )
-    error.set_yscale("symlog", linthresh=1.0)
-    step.set_yscale("log")
+    true_step = np.abs(np.diff(true_m))
+    step.plot(watched.t_s[1:], true_step, color=INK, linewidth=1.0, linestyle="--", label="truth")
+    signed_decades(error, 1.0)
+    decades(step)
     step.set_ylim(bottom=1e-4)
-    label(error, f"theodolite, {level} flight", "", "range − true range, m", "lower right", 4)
-    label(
-        step, "gradient: change from one value to the next", "time, s", "|step| of range, m", "lower right", 4
-    )
+    label(error, f"theodolite, {level} flight", "", "range − true range, m")
+    label(step, "gradient", "time, s", "|change of range| a step, m")
     return figure
 
 

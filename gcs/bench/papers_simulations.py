@@ -42,11 +42,11 @@ class Errors(NamedTuple):
     dirty: np.ndarray  # (r, n, 3) simulation 2: the same flights with outliers
 
 
-def methods(runs: int = LEARN_RUNS, plan: train.Plan = PLAN) -> dict[str, Method]:
+def methods(runs: int, plan: train.Plan = PLAN) -> dict[str, Method]:
     """What is compared; networks learn from ``runs`` flights in every direction.
 
-    "full gain" adds the network's whole output, as the paper does; else each output counts as far as the check
-    flights bear it, which may be not at all.
+    "full gain" adds the network's whole output, as the paper does; else each output counts as far as the
+    check flights bear it, which may be not at all.
     """
     genetic = training.learn(lessons(m1_ukf, runs), plan)
     random = training.learn(lessons(baselines.ekf, runs), plan, genetic=False)
@@ -104,7 +104,7 @@ def start_table(runs: int) -> list[dict]:
     return out
 
 
-def lessons(track: Callable, runs: int = LEARN_RUNS) -> training.Split:
+def lessons(track: Callable, runs: int) -> training.Split:
     """What ``track`` did in ``runs`` flights in every direction, beside what it should have done."""
     rng = np.random.default_rng(LEARN_SEED)
     learnt = []
