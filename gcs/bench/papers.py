@@ -25,6 +25,7 @@ class Counts(NamedTuple):
 
     runs: int = 200  # flights of simulations 1 and 2
     lessons: int = 300  # flights their networks learn from
+    tuning: int = 20  # flights that the tuned filters are tuned on
     trainings: int = 20  # of each start
     theodolites: int = 20  # flights of each level
     flights: int = 100  # that the default network is trained on

@@ -32,10 +32,12 @@ SIZES = (screening.SIZE, screening.SMALLER)
 def m1(counts: Counts) -> tuple[dict, list[Drawn]]:
     """Rows 1 to 6: the GA-BP-UKF paper."""
     say("simulations 1 and 2")
-    errors = papers_simulations.simulations(papers_simulations.methods(counts.lessons), counts.runs)
+    plan = papers_simulations.PLAN
+    compared = papers_simulations.methods(counts.lessons, counts.tuning, plan)
+    errors = papers_simulations.simulations(compared, counts.runs)
     known = papers_simulations.start_table(counts.runs)
     say(f"{counts.trainings} trainings of each start")
-    plan, lessons = papers_simulations.PLAN, papers_simulations.lessons(baselines.ekf, counts.lessons)
+    lessons = papers_simulations.lessons(baselines.ekf, counts.lessons)
     starts = training.starts(lessons, plan, counts.trainings)
     converged = papers_convergence.converge(*training.pool(lessons.fit), plan, counts.trainings)
     say("theodolite flights")

@@ -13,7 +13,6 @@ from gcs.bench.papers_m1 import (
     FIRST_OUTLIER,
     JERK_PSD,
     SIGMA,
-    START_M,
     STEP_S,
     STEPS,
     Method,
@@ -30,7 +29,7 @@ LEARN_SEED, LEARN_RUNS, GROUP = (
     15,
 )  # flights to learn from; how many of them count as one in the split
 PLAN = train.Plan(epochs=20)
-TUNING_SEED, TUNING_RUNS = 500, 20
+TUNING_SEED = 500
 JERK_PSDS = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0)  # the tuned filters choose from
 STARTS_M = (10.0, 30.0, 50.0, 100.0)
 
@@ -42,8 +41,8 @@ class Errors(NamedTuple):
     dirty: np.ndarray  # (r, n, 3) simulation 2: the same flights with outliers
 
 
-def methods(runs: int, plan: train.Plan = PLAN) -> dict[str, Method]:
-    """What is compared; networks learn from ``runs`` flights in every direction.
+def methods(runs: int, tuning: int, plan: train.Plan) -> dict[str, Method]:
+    """What is compared; networks learn from ``runs`` flights in every direction, ``tuning`` tune the tuned.
 
     "full gain" adds the network's whole output, as the paper does; else each output counts as far as the
     check flights bear it, which may be not at all.
@@ -56,8 +55,8 @@ def methods(runs: int, plan: train.Plan = PLAN) -> dict[str, Method]:
         "ga-bp-ukf, no network": Method(m1_ukf, None, JERK_PSD),
         "bp-ekf": Method(baselines.ekf, random, JERK_PSD),
         "ekf": Method(baselines.ekf, None, JERK_PSD),
-        "ekf, tuned": Method(baselines.ekf, None, tuned(baselines.ekf)),
-        "classic ukf, tuned": Method(baselines.classic_ukf, None, tuned(baselines.classic_ukf)),
+        "ekf, tuned": Method(baselines.ekf, None, tuned(baselines.ekf, tuning)),
+        "classic ukf, tuned": Method(baselines.classic_ukf, None, tuned(baselines.classic_ukf, tuning)),
     }
 
 
@@ -117,7 +116,7 @@ def lessons(track: Callable, runs: int) -> training.Split:
     return training.divide(learnt)
 
 
-def tuned(track: Callable) -> float:
-    """The jerk PSD of JERK_PSDS with the smallest error over flights that are not in the tables."""
-    runs = flights(TUNING_RUNS, TUNING_SEED, start_m=START_M)
-    return min(JERK_PSDS, key=lambda jerk_psd: np.abs(errors(Method(track, None, jerk_psd), runs)).mean())
+def tuned(track: Callable, runs: int) -> float:
+    """The jerk PSD of JERK_PSDS with the smallest error over ``runs`` flights that are not in the tables."""
+    flown = flights(runs, TUNING_SEED)
+    return min(JERK_PSDS, key=lambda jerk_psd: np.abs(errors(Method(track, None, jerk_psd), flown)).mean())

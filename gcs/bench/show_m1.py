@@ -69,7 +69,7 @@ def _accuracy(found: dict, known: list[dict]) -> list[Line]:
             "stated",
             None,
             f"The network changes our error by {ours / alone - 1.0:+.1%}, that of the EKF by "
-            f"{bp / mae['ekf'] - 1.0:+.1%}: the gain is the unscented transform's.",
+            f"{bp / mae['ekf'] - 1.0:+.1%}; the rest is what a UKF gains over an EKF.",
         ),
         Line(
             1,
