@@ -30,7 +30,7 @@ class Counts(NamedTuple):
     theodolites: int = 20  # flights of each level
     flights: int = 100  # that the default network is trained on
     unseen: int = 20  # that it is tried on
-    winds: int = 50
+    winds: int = 1000  # of which the first `show_m2.FEW` make row 8, all its second line
     records: int = 20  # screened
     joined: int = 5  # of them, with the trajectory filter
     points: int = POINTS  # of each of those

@@ -13,7 +13,7 @@ from gcs import network, training
 from gcs import train as command
 from gcs.bench.accuracy import FIRST_SEED
 
-CALLS = 20_000
+CALLS, REPEATS = 500, 200
 
 
 def measure(flights: int, unseen: int, say: Callable[[str], None]) -> dict:
@@ -50,11 +50,11 @@ def inference(net: correction.Network, u: np.ndarray) -> tuple[float, float]:
     return tuple(_best_s(work) / CALLS * 1e6 for work in (calls, lambda: correction.respond_all(net, tiled)))
 
 
-def _best_s(work: Callable, repeats: int = 5) -> float:
-    """The least of some wall times: the one that the machine's other work disturbed least."""
+def _best_s(work: Callable) -> float:
+    """The least of REPEATS wall times: the one that the machine's other work disturbed least."""
     work()
     times_s = []
-    for _ in range(repeats):
+    for _ in range(REPEATS):
         begin_s = time.perf_counter()
         work()
         times_s.append(time.perf_counter() - begin_s)

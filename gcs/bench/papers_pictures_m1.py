@@ -64,7 +64,12 @@ def simulation_2(found: dict[str, Errors], runs: list[Run]) -> Figure:
     signed_decades(measured, 10.0)
     signed_decades(filtered, 1.0)
     decades(every)
-    label(measured, f"simulation 2, the first flight with {enough} outliers", "", "measured − true range, m")
+    label(
+        measured,
+        f"simulation 2, the first flight with {enough} outliers or more",
+        "",
+        "measured − true range, m",
+    )
     label(filtered, "the same, filtered", "", "filtered − true range, m")
     label(every, f"{len(errors)} flights", "time, s", "RMS position error, m")
     return figure
@@ -103,7 +108,7 @@ def gradient(watched: Watched, level: str) -> Figure:
     step.plot(watched.t_s[1:], true_step, color=INK, linewidth=1.0, linestyle="--", label="truth")
     signed_decades(error, 1.0)
     decades(step)
-    step.set_ylim(bottom=1e-4)
+    step.set_ylim(bottom=1e-3)
     label(error, f"theodolite, {level} flight", "", "range − true range, m")
     label(step, "gradient", "time, s", "|change of range| a step, m")
     return figure

@@ -75,9 +75,9 @@ def test_a_miss_is_told_as_one():
     steady, lost = [1.0, 1.05], [1.0, 4.0]
     wind = {name: [steady, steady] for name in ("kalman", "sage-husa", "arf")}
     met = {"wind": wind, "navigation": (8.0, 3.0), "recorded": None}
-    assert [line.met for line in show_m2.lines(met)] == [True, True, None]
+    assert [line.met for line in show_m2.lines(met)] == [True, True, True, None]
     missed = met | {"wind": wind | {"arf": [steady, lost]}, "navigation": (8.0, 4.1)}
-    line, navigation, _ = show_m2.lines(missed)
+    line, _, navigation, _ = show_m2.lines(missed)
     assert not line.met
     assert "In 1 of 2 winds" in line.note
     assert not navigation.met
