@@ -1,7 +1,7 @@
 """``gcs bench papers``: the methods of the three papers, measured, beside what the papers report.
 
-Whatever was chosen by looking at results was chosen on seeds below 1000; what is reported begins at
-``accuracy.FIRST_SEED``.
+Whatever was chosen by looking at results was chosen on seeds below ``accuracy.FIRST_SEED``; what is reported
+begins there.
 """
 
 import time
@@ -39,7 +39,8 @@ class Counts(NamedTuple):
 def run(out: Path | None = None, recorded: Path = RECORDED, counts: Counts = Counts()) -> dict:  # noqa: B008
     """Measure all; prints the table, writes report.html, its pictures and papers.json into folder ``out``.
 
-    ``recorded`` is the folder of the recorded flight of row 10. Raises InputError where a package is missing.
+    ``recorded`` is the folder of the recorded flight of row 10. Raises InputError where a package is missing
+    or nothing can be written.
     """
     for name in NEEDED:
         if find_spec(name) is None:
@@ -49,7 +50,10 @@ def run(out: Path | None = None, recorded: Path = RECORDED, counts: Counts = Cou
     from gcs.bench import show_m1, show_m2, show_m3
 
     folder = out or Path("logs/runs") / f"bench-papers-{stamp(time.time_ns())}"
-    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{folder}: {error.strerror}; name a folder that can be written") from None
     begin_s = time.monotonic()
     m1, drawn_m1 = measure.m1(counts)
     m2, drawn_m2 = measure.m2(counts, recorded)

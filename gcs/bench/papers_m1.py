@@ -1,7 +1,8 @@
 """The GA-BP-UKF paper's two simulations: the flight, what is measured, and the paper's filter.
 
 The paper gives the flight and the range noise. It leaves open how well the start is known, the angles' noise
-and the filter's process noise; what is taken here stands in the constants, chosen on seeds below 1000.
+and the filter's process noise; what is taken here stands in the constants, chosen on seeds below
+``accuracy.FIRST_SEED``.
 """
 
 from collections.abc import Callable

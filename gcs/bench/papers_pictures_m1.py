@@ -66,7 +66,7 @@ def simulation_2(found: dict[str, Errors], runs: list[Run]) -> Figure:
     decades(every)
     label(
         measured,
-        f"simulation 2, the first flight with {enough} outliers or more",
+        f"simulation 2, first flight with {enough} outliers or more",
         "",
         "measured − true range, m",
     )

@@ -6,8 +6,8 @@ from gcs.bench.screening import NOISE_M, PAPER, Score
 OURS = "linear-adaptive"
 FALSE, IN_RUNS, JOINED = 5, 0.856, 0.99
 SMALL = (
-    "The paper does not say how large its outliers are. A single one below 7.2 σ is under the threshold: 5 σ of "
-    "a residual that holds the prediction's own noise too, √2.1 σ in all."
+    "The paper does not say how large its outliers are. A single one below 7.2 σ is under the threshold: 5 σ "
+    "of a residual that holds the prediction's own noise too, √2.1 σ in all."
 )
 ONE_NOISE = (
     f"The trajectory filter is told one noise for a record whose noise is {NOISE_M[0]:g} m near and "

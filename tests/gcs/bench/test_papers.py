@@ -13,6 +13,7 @@ image = pytest.importorskip("matplotlib.image")
 from filters import train  # noqa: E402
 from gcs.bench import papers, papers_convergence, papers_simulations, show_m2  # noqa: E402
 from gcs.bench.papers_report import Drawn, Grid, Line, terminal, write  # noqa: E402
+from gcs.messages import InputError  # noqa: E402
 
 FEW = papers.Counts(
     runs=6, lessons=75, tuning=1, trainings=1, theodolites=1, flights=5, unseen=1, winds=4, records=1,
@@ -81,6 +82,12 @@ def test_a_miss_is_told_as_one():
     assert not line.met
     assert "In 1 of 2 winds" in line.note
     assert not navigation.met
+
+
+def test_a_folder_that_cannot_be_is_refused_before_anything_is_measured(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="name a folder that can be written"):
+        papers.run(tmp_path / "file" / "out")
 
 
 def test_text_cannot_break_the_page(tmp_path):
