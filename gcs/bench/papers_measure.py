@@ -61,7 +61,7 @@ def _drawn_m1(errors: dict, converged: dict, starts: dict) -> list[Drawn]:
         Drawn(
             f"m1-gradient-{level}",
             picture.gradient(smoothness_m1.watch(level, FIRST_SEED), level),
-            "M1, smoothness: the gradient beside the true error.",
+            f"M1, smoothness, {level} flight: the gradient beside the true error.",
         )
         for level in LEVELS
     ]
