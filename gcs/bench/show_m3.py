@@ -11,7 +11,7 @@ SMALL = (
 )
 ONE_NOISE = (
     f"The trajectory filter is told one noise for a record whose noise is {NOISE_M[0]:g} m near and "
-    f"{NOISE_M[1]:g} m far: its false alarms are far away, what it misses is near."
+    f"{NOISE_M[1]:g} m far: too strict far away, and blind to small outliers near."
 )
 
 
