@@ -24,13 +24,17 @@ def accuracy(
 
 
 @app.command
-def papers() -> None:
-    """The papers' tables: what they report, ours, the baselines."""
-    from gcs.bench import show_m1, show_m2, show_m3, table
+def papers(
+    *,
+    out: Annotated[Path | None, Parameter(help="folder; logs/runs/bench-papers-<now> by default")] = None,
+    recorded: Annotated[Path, Parameter(help="folder of plane_wind8.tlog, a flight in known wind")] = Path(
+        "../shared/data"
+    ),
+) -> None:
+    """The three papers: what they report, ours, the baselines; one table, and a report with pictures."""
+    from gcs.bench import papers as bench_papers
 
-    for paper in (show_m1, show_m2, show_m3):
-        for each in paper.tables():
-            table.show(each)
+    bench_papers.run(out, recorded)
 
 
 @app.command(name="speed")

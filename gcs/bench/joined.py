@@ -24,9 +24,14 @@ class Joined(NamedTuple):
     either: tuple[float, float, float]
 
 
-def joined(seed: int, regular: bool = False, points: int = screening.POINTS) -> Joined:
+def joined(
+    seed: int,
+    size: tuple[float, float] = screening.SIZE,
+    regular: bool = False,
+    points: int = screening.POINTS,
+) -> Joined:
     """The first ``points`` of a record through both; a value counts as found when it is not let through."""
-    made = screening.Record(*(column[:points] for column in screening.record(seed, regular=regular)))
+    made = screening.Record(*(column[:points] for column in screening.record(seed, size, regular)))
     sensor, rows, label = _radar(made, np.random.default_rng(seed))
     doubted = Witness([sensor]).doubts(rows)
     one = estimator.make("default", [sensor])

@@ -1,8 +1,8 @@
-"""The GA-BP-UKF paper's two simulations, beside its baselines.
+"""The GA-BP-UKF paper's two simulations: the flight, what is measured, and the paper's filter.
 
 The paper gives the flight and the range noise. It leaves open how well the start is known, the angles' noise
-and the filter's process noise; what is taken here stands in the constants. `start_table` shows what hangs on
-it.
+and the filter's process noise; what is taken here stands in the constants, chosen on seeds below
+``accuracy.FIRST_SEED``.
 """
 
 from collections.abc import Callable
@@ -10,30 +10,28 @@ from typing import NamedTuple
 
 import numpy as np
 
-from filters import correction, estimator, m1, model, train, window
+from filters import correction, estimator, m1, model, window
 from filters.rows import CHANNELS, Sensor
-from gcs import train as training  # the command's split, gains and report
 from gcs.bench import baselines_m1 as baselines
 from gcs.bench.baselines_m1 import Filtered
-from gcs.training import Flown
 
 STEP_S, STEPS = 1.0, 60
 PATH = np.array([300.0, 346.0, 200.0, 40.0, 20.0, 10.0, 1.3, 1.7, 1.3])  # the paper's start: m, m/s, m/s²
-SIGMA = np.array(
-    [np.sqrt(10.0), np.radians(0.003), np.radians(0.003)]
-)  # variance 10 m² the paper's; a theodolite
-START_M = (
-    40.0  # 1-sigma per axis of the first position; velocity a fifth, acceleration a fiftieth of it per s, s²
-)
+RANGE_SIGMA_M, ANGLE_SIGMA = np.sqrt(10.0), np.radians(0.003)  # the paper's variance of 10 m²; a theodolite
+SIGMA = np.array([RANGE_SIGMA_M, ANGLE_SIGMA, ANGLE_SIGMA])
+# 1-sigma per axis of the first position; velocity a fifth, acceleration a fiftieth of it per s, s²
+START_M = 40.0
 JERK_PSD = 1e-4  # m²/s⁵: the acceleration may wander by 0.08 m/s² in 60 s
-JERK_PSDS = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0)  # the tuned filters choose from
 OUTLIER_SHARE, OUTLIER_SIGMAS = 0.05, (6.0, 100.0)  # of the ranges; log-uniform, either sign
 FIRST_OUTLIER = 10  # step; earlier, with one instrument and an unknown start, nothing could tell
-RUNS = 200
-LEARN_RUNS, GROUP = 300, 15  # flights to learn from, and how many of them count as one in the split
-PLAN = train.Plan(epochs=20)
-TUNING_SEED, TUNING_RUNS = 5000, 20
-PAPER = {"bp-ekf": (31.5347, 12.1745, 18.8466, 9.7875), "ga-bp-ukf": (9.0323, 9.6778, 11.9063, 6.5939)}
+
+
+class Method(NamedTuple):
+    """A trajectory filter as it is compared."""
+
+    track: Callable  # as `baselines_m1.ekf`
+    net: correction.Network | None
+    jerk_psd: float  # m²/s⁵
 
 
 class Run(NamedTuple):
@@ -98,24 +96,6 @@ def m1_ukf(z, sigma, x, P, step_s, jerk_psd, soft=m1.C, hard=m1.NOTHING) -> Filt
     return out
 
 
-def lessons(method: Callable, start_m: float = START_M, runs: int = LEARN_RUNS) -> training.Split:
-    """What ``method`` did in ``runs`` flights in every direction, beside what it should have done."""
-    rng = np.random.default_rng(7)
-    flights = []
-    for _ in range(runs // GROUP):
-        group = [fly(rng, any_path(rng), start_m) for _ in range(GROUP)]
-        done = [method(r.z, SIGMA, r.x, r.P, STEP_S, JERK_PSD) for r in group]
-        x0, P0, x1, P1 = (np.concatenate(column) for column in zip(*done, strict=True))
-        u, e = correction.samples(x0, P0, x1, P1, np.concatenate([r.truth for r in group]))
-        flights.append(Flown("", u, e, correction.sigmas_of(x0, P1)))
-    return training.divide(flights)
-
-
-def starts(count: int = 20, plan: train.Plan = PLAN) -> dict:
-    """Genetic starts against random ones on what an EKF leaves to learn; see `gcs.train.starts`."""
-    return training.starts(lessons(baselines.ekf), plan, count)
-
-
 def corrected(net: correction.Network | None, done: Filtered) -> np.ndarray:
     """(n, 9) the updated states, with the network's correction where there is one."""
     out = done.x1.copy()
@@ -125,56 +105,7 @@ def corrected(net: correction.Network | None, done: Filtered) -> np.ndarray:
     return out
 
 
-def errors(method: Callable, runs: list[Run], jerk_psd: float, net: correction.Network | None = None):
+def errors(method: Method, runs: list[Run]) -> np.ndarray:
     """(r, n, 3) position errors of ``method`` in ``runs``, m, station ENU."""
-    done = (method(r.z, SIGMA, r.x, r.P, STEP_S, jerk_psd) for r in runs)
-    return np.array([(corrected(net, d) - r.truth)[:, :3] for d, r in zip(done, runs, strict=True)])
-
-
-def tuned(method: Callable, start_m: float = START_M) -> float:
-    """The jerk PSD of JERK_PSDS with the smallest error over flights that are not in the tables."""
-    runs = [fly(np.random.default_rng(TUNING_SEED + k), start_m=start_m) for k in range(TUNING_RUNS)]
-    return min(JERK_PSDS, key=lambda jerk_psd: np.abs(errors(method, runs, jerk_psd)).mean())
-
-
-def simulations(runs: int = RUNS, start_m: float = START_M, plan: train.Plan = PLAN) -> dict:
-    """Simulations 1 and 2: {method: {mae_m, median_m, rmse_m, rmse_outliers_m, jerk_psd}}.
-
-    ``mae_m`` is the mean absolute error per axis, ``median_m`` the same as median over the runs.
-    """
-    methods = {
-        "ga-bp-ukf": (m1_ukf, training.learn(lessons(m1_ukf, start_m), plan), JERK_PSD),
-        "the same, no network": (m1_ukf, None, JERK_PSD),
-        "bp-ekf": (
-            baselines.ekf,
-            training.learn(lessons(baselines.ekf, start_m), plan, genetic=False),
-            JERK_PSD,
-        ),
-        "ekf": (baselines.ekf, None, JERK_PSD),
-        "ekf, tuned": (baselines.ekf, None, tuned(baselines.ekf, start_m)),
-        "classic ukf, tuned": (baselines.classic_ukf, None, tuned(baselines.classic_ukf, start_m)),
-    }
-    clean = [fly(np.random.default_rng(k), start_m=start_m) for k in range(runs)]
-    dirty = [fly(np.random.default_rng(k), start_m=start_m, first_outlier=FIRST_OUTLIER) for k in range(runs)]
-    out = {}
-    for name, (method, net, jerk_psd) in methods.items():
-        without, with_outliers = (errors(method, flown, jerk_psd, net) for flown in (clean, dirty))
-        per_run = np.abs(without).mean(axis=(1, 2))
-        out[name] = {
-            "mae_m": float(per_run.mean()),
-            "median_m": float(np.median(per_run)),
-            "rmse_m": float(np.sqrt((without**2).mean())),
-            "rmse_outliers_m": float(np.sqrt((with_outliers**2).mean())),
-            "jerk_psd": jerk_psd,
-        }
-    return out
-
-
-def start_table(runs: int = RUNS, starts_m=(10.0, 30.0, 50.0, 100.0)) -> list[dict]:
-    """Mean absolute error, m, of EKF and UKF without networks, by how well the start is known."""
-    out = []
-    for start_m in starts_m:
-        flown = [fly(np.random.default_rng(k), start_m=start_m) for k in range(runs)]
-        ekf, ukf = (float(np.abs(errors(m, flown, JERK_PSD)).mean()) for m in (baselines.ekf, m1_ukf))
-        out.append({"start_m": start_m, "ekf": ekf, "ukf": ukf, "ratio": ukf / ekf})
-    return out
+    done = (method.track(r.z, SIGMA, r.x, r.P, STEP_S, method.jerk_psd) for r in runs)
+    return np.array([(corrected(method.net, d) - r.truth)[:, :3] for d, r in zip(done, runs, strict=True)])

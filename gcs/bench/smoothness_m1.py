@@ -5,12 +5,14 @@ lags stays below it. The wavelet sees the whole record at once: what compares wi
 """
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
 from filters import estimator, scenario, simulate
 from filters.rows import CHANNELS, Sensor
 from gcs.bench import baselines_m1 as baselines
+from gcs.bench.accuracy import FIRST_SEED
 
 THEODOLITE_HZ, THEODOLITE_SIGMA = 20.0, np.array([1.0, np.radians(0.003), np.radians(0.003)])
 STEP_20_S = 1.0 / THEODOLITE_HZ
@@ -21,37 +23,25 @@ LOST_M = 10.0
 DEG = 180.0 / np.pi
 
 
-def smoothness(level: str, seeds: int = 20) -> dict:
+class Watched(NamedTuple):
+    """A theodolite's minute; range m, azimuth, elevation rad."""
+
+    t_s: np.ndarray  # (n,)
+    clean: np.ndarray  # (n, 3) without noise and outliers
+    values: dict[str, np.ndarray]  # (n, 3) by each method
+
+
+def smoothness(level: str, seeds: int) -> dict:
     """Mean gradient of the filtered range, azimuth, elevation beside their true RMS error, medians.
 
-    One theodolite (range 1 m, angles 0.003°, 20 Hz, 4.1 % outliers, isolated and in runs) and the INS see a
-    minute of a flight of one of ``scenario.LEVELS``. Returns {method: {median: (6,) as `_score`, lost: count
-    of flights with LOST_M of range error or more}}.
+    Returns {method: {median: (6,) as `_score`, lost: count of flights with LOST_M of range error or more}}.
     """
     found = {}
     for seed in range(seeds):
-        rng = np.random.default_rng(8000 + seed)
-        truth = scenario.flight(60.0, 100.0, level, rng)
-        noise = np.full(len(CHANNELS), np.nan)
-        noise[:3] = THEODOLITE_SIGMA
-        theodolite = Sensor("theodolite", "theodolite", noise, np.array([600.0, -400.0, 0.0]))
-        inertial = Sensor("ins", "ins", np.r_[np.full(4, np.nan), np.repeat([0.3, 0.2, 1.5], 3)])
-        seen = simulate.instrument(truth, theodolite, THEODOLITE_HZ, rng)
-        seen = simulate.contaminate(seen, noise[seen.channels], rng, 0.041)
-        rows, _ = simulate.rows([seen, simulate.ins(truth, rng, simulate.InsErrors(latency_s=0.0))])
-        values = {"truth": seen.clean[:, :3], "raw": seen.values[:, :3]}
-        values["adaptive kalman + wavelet"] = _by_channel(seen, _adaptive_wavelet)
-        values["alpha-beta"] = _by_channel(
-            seen, lambda z, sigma, psd: baselines.alpha_beta(z, STEP_20_S, ALPHA)
-        )
-        for method in ("ga-bp-ukf", "default"):
-            runner = estimator.make(method, [theodolite, inertial])
-            values[method] = _polar(runner.step(rows).track, theodolite, seen)
-            runner.finish()
-            values[f"{method}, smoothed"] = _polar(runner.smooth(), theodolite, seen)
+        watched = watch(level, FIRST_SEED + seed)
         settled = slice(round(SETTLE_S * THEODOLITE_HZ), -1)
-        for name, channels in values.items():
-            found.setdefault(name, []).append(_score(channels[settled], seen.clean[settled, :3]))
+        for name, channels in watched.values.items():
+            found.setdefault(name, []).append(_score(channels[settled], watched.clean[settled]))
     return {
         name: {
             "median": np.median(scores, axis=0).tolist(),
@@ -59,6 +49,31 @@ def smoothness(level: str, seeds: int = 20) -> dict:
         }
         for name, scores in found.items()
     }
+
+
+def watch(level: str, seed: int) -> Watched:
+    """One theodolite and the INS see a minute of a flight of one of ``scenario.LEVELS``.
+
+    Range 1 m, angles 0.003°, 20 Hz, 4.1 % outliers, isolated and in runs.
+    """
+    rng = np.random.default_rng(seed)
+    truth = scenario.flight(60.0, 100.0, level, rng)
+    noise = np.full(len(CHANNELS), np.nan)
+    noise[:3] = THEODOLITE_SIGMA
+    theodolite = Sensor("theodolite", "theodolite", noise, np.array([600.0, -400.0, 0.0]))
+    inertial = Sensor("ins", "ins", np.r_[np.full(4, np.nan), np.repeat([0.3, 0.2, 1.5], 3)])
+    seen = simulate.instrument(truth, theodolite, THEODOLITE_HZ, rng)
+    seen = simulate.contaminate(seen, noise[seen.channels], rng, 0.041)
+    rows, _ = simulate.rows([seen, simulate.ins(truth, rng, simulate.InsErrors(latency_s=0.0))])
+    values = {"truth": seen.clean[:, :3], "raw": seen.values[:, :3]}
+    values["adaptive kalman + wavelet"] = _by_channel(seen, _adaptive_wavelet)
+    values["alpha-beta"] = _by_channel(seen, _alpha_beta)
+    for method in ("ga-bp-ukf", "default"):
+        runner = estimator.make(method, [theodolite, inertial])
+        values[method] = _polar(runner.step(rows).track, theodolite, seen)
+        runner.finish()
+        values[f"{method}, smoothed"] = _polar(runner.smooth(), theodolite, seen)
+    return Watched((seen.t_ns - seen.t_ns[0]) * 1e-9, seen.clean[:, :3], values)
 
 
 def _score(values: np.ndarray, clean: np.ndarray) -> list[float]:
@@ -80,6 +95,10 @@ def _by_channel(seen: simulate.Observation, method: Callable) -> np.ndarray:
 
 def _adaptive_wavelet(z, sigma, psd):
     return baselines.adaptive_wavelet(z, sigma, STEP_20_S, psd)
+
+
+def _alpha_beta(z, sigma, psd):
+    return baselines.alpha_beta(z, STEP_20_S, ALPHA)
 
 
 def _polar(track: np.ndarray, sensor: Sensor, seen: simulate.Observation) -> np.ndarray:

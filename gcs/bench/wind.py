@@ -13,6 +13,7 @@ import numpy as np
 from bridges import tlog
 from filters import arf
 from filters import wind as winds
+from gcs.bench.accuracy import FIRST_SEED
 
 STEPS, SETTLE = 400, 20  # the first are the filters' own start
 MEAN_WALK_VAR, EXCITATION_VAR = 0.01, 1.0  # Σ_vm, Σ
@@ -21,6 +22,7 @@ MEAN_START, GUST_START = 10.0, 0.0  # m/s
 NOISE_VAR, NOISE_MEMORY = 2.0, 0.5
 OUTLIERS, SIZE_MPS, RUN = 0.10, (15.0, 40.0), (3, 10)
 IN_RUNS = 0.5  # of the outliers
+MODEL = arf.Wind1D(noise_var=NOISE_VAR, noise_memory=NOISE_MEMORY)
 FIX_EVERY_S, FIX_SIGMA_M = 1.0, 2.0
 LOST_S, LOSS_EVERY_S = 60.0, 30.0
 FLYING_M = 60.0  # the simulator's wind is full above this height
@@ -72,39 +74,40 @@ def scene(seed: int, outliers: float = 0.0, memory: float = NOISE_MEMORY) -> Sce
     return Scene(truth, measured, outlier)
 
 
-def table(seeds: int = 50, memory: float = NOISE_MEMORY) -> dict[str, tuple[float, float]]:
-    """{method: RMSE in m/s without outliers, with}."""
-    model = arf.Wind1D(noise_var=NOISE_VAR, noise_memory=memory)
-    out = {}
-    for method in arf.METHODS:
-        rmse = []
-        for share in (0.0, OUTLIERS):
-            scenes = [scene(seed, share, memory) for seed in range(seeds)]
-            errors = [arf.estimate(s.measured, method, model).x - s.truth for s in scenes]
-            rmse.append(float(np.sqrt(np.mean(np.square(errors)[:, SETTLE:]))))
-        out[method] = tuple(rmse)
+def table(seeds: int) -> dict[str, np.ndarray]:
+    """{method: (seeds, 2) RMSE in m/s of each wind, without outliers and with}."""
+    out = {method: np.empty((seeds, 2)) for method in arf.METHODS}
+    for k in range(seeds):
+        for column, share in enumerate((0.0, OUTLIERS)):
+            made = scene(FIRST_SEED + k, share)
+            for method in arf.METHODS:
+                error = arf.estimate(made.measured, method, MODEL).x - made.truth
+                out[method][k, column] = np.sqrt(np.mean(error[SETTLE:] ** 2))
     return out
 
 
-def navigation(seeds: int = 50, outliers: float = OUTLIERS) -> tuple[float, float]:
-    """RMS position error, m, of air data between fixes a second apart: without, with the wind's correction.
+def navigation(seeds: int) -> tuple[float, float]:
+    """RMS position error in the plane, m, of `navigate`: without, with the wind's correction."""
+    errors = np.array([navigate(FIRST_SEED + k, OUTLIERS) for k in range(seeds)])
+    without, corrected = np.sqrt((errors**2).sum(axis=2).mean(axis=(0, 2)))
+    return float(without), float(corrected)
+
+
+def navigate(seed: int, outliers: float) -> np.ndarray:
+    """(2, 2, n) position errors, m, by air data between fixes a second apart: without, with; east and north.
 
     At each fix the position has an error of its own; ``l`` seconds later, l uniform up to the next fix, the
     uncorrected position is off by wind · l, the corrected one by what the estimate lacks.
     """
-    model = arf.Wind1D(noise_var=NOISE_VAR, noise_memory=NOISE_MEMORY)
+    rng = np.random.default_rng(seed)
+    later_s = rng.uniform(0.0, FIX_EVERY_S, STEPS)
     without, corrected = [], []
-    for seed in range(seeds):
-        east, north = scene(2 * seed, outliers), scene(2 * seed + 1, outliers)
-        rng = np.random.default_rng(seed)
-        later_s = rng.uniform(0.0, FIX_EVERY_S, STEPS)
-        for component in (east, north):
-            fix = rng.normal(0.0, FIX_SIGMA_M, STEPS)
-            estimated = arf.estimate(component.measured, "arf", model).x
-            without.append(fix - component.truth * later_s)
-            corrected.append(fix + (estimated - component.truth) * later_s)
-    # both components: a position in the plane
-    return tuple(float(np.sqrt(2.0 * np.mean(np.square(e)))) for e in (without, corrected))
+    for component in (scene(2 * seed, outliers), scene(2 * seed + 1, outliers)):
+        fix = rng.normal(0.0, FIX_SIGMA_M, STEPS)
+        estimated = arf.estimate(component.measured, "arf", MODEL).x
+        without.append(fix - component.truth * later_s)
+        corrected.append(fix + (estimated - component.truth) * later_s)
+    return np.array([without, corrected])
 
 
 def flight(log_path: Path, truth_path: Path) -> Air:

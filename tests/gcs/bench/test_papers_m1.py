@@ -32,17 +32,18 @@ def flown():
     return clean, dirty
 
 
+def errors(track, runs) -> np.ndarray:
+    return papers_m1.errors(papers_m1.Method(track, None, papers_m1.JERK_PSD), runs)
+
+
 def test_simulation_1_half_the_error_of_the_ekf(flown):
-    ours, ekf = (
-        np.abs(papers_m1.errors(m, flown[0], papers_m1.JERK_PSD)).mean()
-        for m in (papers_m1.m1_ukf, baselines.ekf)
-    )
+    ours, ekf = (np.abs(errors(track, flown[0])).mean() for track in (papers_m1.m1_ukf, baselines.ekf))
     assert ours < 0.5 * ekf
 
 
 def test_simulation_2_outliers_cost_ours_little_and_the_others_much(flown):
-    def rise(method):
-        clean, dirty = (papers_m1.errors(method, runs, papers_m1.JERK_PSD) for runs in flown)
+    def rise(track):
+        clean, dirty = (errors(track, runs) for runs in flown)
         return np.sqrt((dirty**2).mean() / (clean**2).mean())
 
     assert rise(papers_m1.m1_ukf) < 1.1

@@ -1,0 +1,124 @@
+"""Everything that ``gcs bench papers`` measures, and the pictures of it."""
+
+from pathlib import Path
+
+import numpy as np
+
+from gcs import train as training
+from gcs.bench import baselines_m1 as baselines
+from gcs.bench import (
+    joined,
+    papers_convergence,
+    papers_network,
+    papers_pictures_m1,
+    papers_pictures_m2,
+    papers_pictures_m3,
+    papers_recorded,
+    papers_simulations,
+    screening,
+    smoothness_m1,
+    wind,
+)
+from gcs.bench.accuracy import FIRST_SEED
+from gcs.bench.papers import Counts
+from gcs.bench.papers_m1 import FIRST_OUTLIER
+from gcs.bench.papers_report import Drawn
+from gcs.console import say
+
+LEVELS = ("hover", "normal")
+SIZES = (screening.SIZE, screening.SMALLER)
+
+
+def m1(counts: Counts) -> tuple[dict, list[Drawn]]:
+    """Rows 1 to 6: the GA-BP-UKF paper."""
+    say("simulations 1 and 2")
+    plan = papers_simulations.PLAN
+    compared = papers_simulations.methods(counts.lessons, counts.tuning, plan)
+    errors = papers_simulations.simulations(compared, counts.runs)
+    known = papers_simulations.start_table(counts.runs)
+    say(f"{counts.trainings} trainings of each start")
+    lessons = papers_simulations.lessons(baselines.ekf, counts.lessons)
+    starts = training.starts(lessons, plan, counts.trainings)
+    converged = papers_convergence.converge(*training.pool(lessons.fit), plan, counts.trainings)
+    say("theodolite flights")
+    smooth = {level: smoothness_m1.smoothness(level, counts.theodolites) for level in LEVELS}
+    say("the default network")
+    network = papers_network.measure(counts.flights, counts.unseen, _silent)
+    found = {
+        "simulations": papers_simulations.figures(errors),
+        "start_known": known,
+        "training_starts": starts,
+        "smoothness": smooth,
+        "network": network,
+    }
+    return found, _drawn_m1(errors, converged, starts)
+
+
+def _drawn_m1(errors: dict, converged: dict, starts: dict) -> list[Drawn]:
+    picture = papers_pictures_m1
+    runs = papers_simulations.flights(len(errors["ekf"].dirty), first_outlier=FIRST_OUTLIER)
+    theodolite = [
+        Drawn(
+            f"m1-gradient-{level}",
+            picture.gradient(smoothness_m1.watch(level, FIRST_SEED), level),
+            f"M1, smoothness, {level} flight: the gradient beside the true error.",
+        )
+        for level in LEVELS
+    ]
+    return [
+        Drawn("m1-simulation-1", picture.simulation_1(errors), "M1, simulation 1: no outliers."),
+        Drawn("m1-simulation-2", picture.simulation_2(errors, runs), "M1, simulation 2: outliers in range."),
+        Drawn("m1-genetic", picture.convergence(converged, starts), "M1: roulettes, and starts of training."),
+        *theodolite,
+    ]
+
+
+def m2(counts: Counts, recorded: Path) -> tuple[dict, list[Drawn]]:
+    """Rows 8 to 10: the wind paper."""
+    say("wind")
+    found = {
+        "wind": {name: rmse.tolist() for name, rmse in wind.table(counts.winds).items()},
+        "navigation": wind.navigation(counts.winds),
+        "recorded": papers_recorded.measure(recorded),
+    }
+    picture = papers_pictures_m2
+    drawn = [
+        Drawn("m2-wind", picture.filters(FIRST_SEED), "M2: the wind and three filters."),
+        Drawn("m2-navigation", picture.navigation(FIRST_SEED), "M2: position without and with the wind."),
+    ]
+    return found, drawn
+
+
+def m3(counts: Counts) -> tuple[dict, list[Drawn]]:
+    """Row 7: the screening paper."""
+    alone, both = [], []
+    for size in SIZES:
+        for regular in (False, True):
+            case = f"outliers of {size[0]:g} to {size[1]:g} σ, {'regular' if regular else 'irregular'} runs"
+            say(f"screening, {case}")
+            scores = screening.table(counts.records, size, regular)
+            alone.append({"case": case, "scores": {name: _plain(one) for name, one in scores.items()}})
+            seeds = range(FIRST_SEED, FIRST_SEED + counts.joined)
+            found = [joined.joined(seed, size, regular, counts.points) for seed in seeds]
+            both.append({"case": case, "seeds": len(found)} | _means(found))
+    drawn = [
+        Drawn(
+            f"m3-channel-{size[0]:g}-sigma",
+            papers_pictures_m3.channel(FIRST_SEED, size),
+            f"M3: a range with outliers of {size[0]:g} to {size[1]:g} σ, and what is found.",
+        )
+        for size in SIZES
+    ]
+    return {"alone": alone, "joined": both}, drawn
+
+
+def _plain(score: screening.Score) -> dict[str, float]:
+    return {name: float(value) for name, value in score._asdict().items()}
+
+
+def _means(found: list[joined.Joined]) -> dict[str, list[float]]:
+    return {who: np.mean([getattr(one, who) for one in found], axis=0).tolist() for who in found[0]._fields}
+
+
+def _silent(line: str) -> None:
+    """The training's own report is not this one's."""
