@@ -162,7 +162,8 @@ def follow(
             evidence[:] = 0.0
             t_ns = t[i]
         for k, chance in enumerate(mind.chance):
-            seen, variance = models.predict_row(model, s, c, mind.x[k], mind.P[k], jerk_psd[k], out, 0, work)
+            psd = jerk_psd[k]
+            seen, variance = models.predict_row(model, s, c, mind.x[k], mind.P[k], psd, out, 0, work)
             v = difference(c, value[i], seen)
             u2 = v * v / (variance + noise)
             w = _imq(v * v / noise) if imq else _huber(u2)

@@ -22,11 +22,10 @@ def admit(model, rows, begin, end, x, P, t_ns, jerk, variance, run, soft, hard, 
     """Filter one epoch's rows, each on first sight, in place; fills their weight, predicted and sigma.
 
     Where one looks wrong, those that agree best with the prediction go first and sharpen it for the rest:
-    the sensors vote at the same instant. ``jerk`` and
-    ``variance`` (s, 13) are those of motion and noise now, ``run`` each channel's `outlier.label` state; with a
-    sensor that is ``watched`` (s,) by others the filter is stricter within a run. The predicted state goes to
-    ``out.x[0]``, ``out.P[0]``. Returns whether a row was used that ties the state down: any but an
-    acceleration or a range rate.
+    the sensors vote at the same instant. ``jerk`` and ``variance`` (s, 13) are those of motion and noise now,
+    ``run`` each channel's `outlier.label` state; a sensor ``watched`` (s,) by others is judged more strictly
+    within a run. The predicted state goes to ``out.x[0]``, ``out.P[0]``. Returns whether a row was used that
+    ties the state down: any but an acceleration or a range rate.
     """
     predict(x, P, (rows.t[begin] - t_ns) * 1e-9, jerk, model.rate, model.prior)
     out.x[0], out.P[0] = x, P
@@ -58,11 +57,13 @@ def admit(model, rows, begin, end, x, P, t_ns, jerk, variance, run, soft, hard, 
 
 
 @njit(cache=True)
-def settle(model, rows, begin, end, x0, P0, t0_ns, soft, hard, continued, watched, x, P, out, work, r, N, recent):
+def settle(
+    model, rows, begin, end, x0, P0, t0_ns, soft, hard, continued, watched, x, P, out, work, r, N, recent
+):  # fmt: skip
     """Weigh rows ``begin`` to ``end`` again, each by what all the others say, from their weights as they are.
 
-    ``x0, P0`` at ``t0_ns`` is the anchor; the head state goes to ``x``, ``P``. Returns the `cost`
-    and its slope by the density of the jerk.
+    ``x0, P0`` at ``t0_ns`` is the anchor; the head state goes to ``x``, ``P``. Returns the `cost` and its
+    slope by the density of the jerk.
     """
     total = slope = 0.0
     for _ in range(REPEAT):

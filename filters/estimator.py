@@ -489,7 +489,10 @@ class Estimator:
             cost = self._hear(begin, end, weights, self._anchor, cost, rivals.MARGIN, jolt)
         return cost
 
-    def _settle(self, begin, end, anchor: Moment, head: Moment, out: windows.Trace, continued=decide.CONTINUED):
+    def _settle(
+        self, begin: int, end: int, anchor: Moment, head: Moment, out: windows.Trace,
+        continued: float = decide.CONTINUED,
+    ) -> tuple[float, float]:  # fmt: skip
         s = self.settings
         return decide.settle(
             self.model, self._rows, begin, end, anchor.x, anchor.P, anchor.t_ns, s.soft, s.hard, continued, self._watched,
@@ -504,8 +507,16 @@ class Estimator:
         )  # fmt: skip
 
     def _hear(
-        self, begin: int, end: int, weights: np.ndarray, anchor: Moment, cost: float, margin, jolt=None,
-        continued=decide.CONTINUED):
+        self,
+        begin: int,
+        end: int,
+        weights: np.ndarray,
+        anchor: Moment,
+        cost: float,
+        margin,
+        jolt=None,
+        continued=decide.CONTINUED,
+    ):
         """Settle from other ``weights`` (end − begin,), with a jolt before row ``jolt``; returns the cost.
 
         The story stays if its cost is lower than ``cost`` by ``margin``.
@@ -532,7 +543,9 @@ class Estimator:
         cost = self._price(begin, end, decide.OUTBREAK)
         for x, P in start.candidates(self.model, rows, begin, end, before.x, before.P):
             anchor = Moment(int(rows.t[begin]), x, P, np.zeros_like(before.run))
-            cost = self._hear(begin, end, np.ones(end - begin), anchor, cost, rivals.DEEP_MARGIN, None, decide.OUTBREAK)
+            cost = self._hear(
+                begin, end, np.ones(end - begin), anchor, cost, rivals.DEEP_MARGIN, None, decide.OUTBREAK
+            )
         if self._anchor is not before:
             reason = (
                 f"{share:.0%} of the last {self.settings.horizon_s:g} s refused: begun again from the sensors"

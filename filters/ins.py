@@ -5,7 +5,6 @@ noise. The row stamped t is valid at t − latency; the latency is a state where
 """
 
 from filters.kernel import kernel
-
 from filters.rows import AE, VE, E
 
 BIAS_SIGMA_M = 2.5  # stationary 1-sigma of the position error per axis: an ordinary single-frequency receiver

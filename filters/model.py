@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from filters.kernel import kernel
 
 from filters import ins, motion, theodolite
+from filters.kernel import kernel
 from filters.rows import AE, AZIMUTH, CHANNELS, ELEVATION, RANGE, RANGE_RATE, VE, E, Sensor
 from filters.unscented import transform_position, transform_rate
 
@@ -196,7 +196,8 @@ def _at_true_time(x, P, clock, d, work):
     """Position (and velocity) at an instrument's true time t − c: y = p − v c + ½ a c², v − a c.
 
     Into ``work``: mean y (d,) at MEAN, covariance (d, d) at COV, covariance of y with the state (d, n) at 0.
-    The products of the uncertain v and c count too: E vc = v c + P_vc, var vc = linear part + P_vv P_cc + P_vc².
+    The products of the uncertain v and c count too: E vc = v c + P_vc, var vc = linear part
+    + P_vv P_cc + P_vc².
     """
     n = x.size
     if clock < 0:

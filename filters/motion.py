@@ -7,6 +7,7 @@ Navigation* (2001), 6.2.3 (white-noise jerk, discretised exactly) and 8.2 (Gauss
 """
 
 import numpy as np
+
 from filters.kernel import exact, kernel
 
 CORE = 9

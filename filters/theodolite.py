@@ -7,8 +7,8 @@ Source: Torge & Müller, *Geodesy* (2012), 5.1.1; k = 0.13 for light, 0.25 for r
 import math
 
 import numpy as np
-from filters.kernel import kernel
 
+from filters.kernel import kernel
 from filters.rows import AZIMUTH, RANGE
 
 EARTH_RADIUS_M = 6371000.0
@@ -35,7 +35,11 @@ def step(channel, p, e, bend):
     flat_gain = 2.0 * (p[0] * e[0] + p[1] * e[1]) + e[0] * e[0] + e[1] * e[1]
     if channel == RANGE:
         gain = flat_gain + e[2] * (2.0 * p[2] + e[2])
-        return gain / (math.sqrt(max(square + gain, 0.0)) + math.sqrt(square)) if square > 0.0 else math.sqrt(gain)
+        return (
+            gain / (math.sqrt(max(square + gain, 0.0)) + math.sqrt(square))
+            if square > 0.0
+            else math.sqrt(gain)
+        )
     if channel == AZIMUTH:
         return _angle(e[0] * p[1] - e[1] * p[0], flat2 + p[0] * e[0] + p[1] * e[1])
     flat, moved = math.sqrt(flat2), math.sqrt(max(flat2 + flat_gain, 0.0))

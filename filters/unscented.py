@@ -10,9 +10,8 @@ Statistical linear regression turns that into a gradient: g = C⁻¹ cov(y, z), 
 
 import math
 
-from filters.kernel import exact, kernel
-
 from filters import radar, theodolite
+from filters.kernel import exact, kernel
 from filters.rows import AZIMUTH, ELEVATION
 
 SPREAD = math.sqrt(3.0)

@@ -10,8 +10,8 @@ e = v/S − Kᵀr and D = 1/S + KᵀNK, the residual of a row from all *others* 
 from typing import NamedTuple
 
 import numpy as np
-from filters.kernel import exact, kernel
 
+from filters.kernel import exact, kernel
 from filters.model import SLOTS, predict_row
 from filters.motion import CORE, JOLT, jerk_slope, predict, pull_back
 from filters.unscented import difference

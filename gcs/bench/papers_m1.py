@@ -81,7 +81,7 @@ def m1_ukf(z, sigma, x, P, step_s, jerk_psd, soft=m1.C, hard=m1.NOTHING) -> Filt
         np.tile([0, 1, 2], n),
     )
     rows.value[:] = z.ravel()
-    out, scratch, work = baselines.room(n), window.trace(3, 9, 1), window.scratch(9)
+    out, scratch, work = baselines.room(n), window.trace(3, 9, 1), model.scratch(9)
     alone = np.zeros(1, bool)
     run, t_ns, x, P = np.zeros((1, len(CHANNELS), 2)), 0, x.copy(), P.copy()
     for k in range(n):

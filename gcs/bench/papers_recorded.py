@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from bridges import tlog
+from bridges import tlog, tlog_flight
 from gcs.bench import wind
 
 LOG, TRUTH = "plane_wind8.tlog", "plane_wind8.truth.csv.gz"
@@ -44,7 +44,7 @@ def _own(log_path: Path, air: wind.Air) -> list[float]:
     WIND has no time of its own: that of the ATTITUDE before it.
     """
     log = tlog.read(log_path)
-    vehicle = tlog.flight(log).vehicle
+    vehicle = tlog_flight.flight(log).vehicle
     said, attitude = log.messages("WIND", vehicle), log.messages("ATTITUDE", vehicle)
     before = np.maximum(np.searchsorted(attitude["frame_no"], said["frame_no"]) - 1, 0)
     t_ns = attitude["time_boot_ms"][before].astype(np.int64) * 1_000_000
