@@ -15,12 +15,13 @@ from typing import NamedTuple
 import numpy as np
 
 from filters import correction as corrections
-from filters import decide, ins, m1, motion, noise, outlier, rivals, start
+from filters import decide, ins, m1, motion, noise, outlier, rivals, slide, start
 from filters import model as models
 from filters import report as reports
 from filters import window as windows
 from filters.motion import CORE
 from filters.rows import (
+    AE,
     CHANNELS,
     DUPLICATE,
     INVALID,
@@ -442,6 +443,7 @@ class Estimator:
         cost, slope = self._settle(begin, end, self._anchor, self._head, self._out)
         cost = self._follow_jerk(begin, end, cost, slope)
         cost = self._hear_jolt(begin, end, cost)
+        cost = self._hear_slide(begin, end, cost)
         deep = self._boundary_ns // self._cell_ns % DEEP == 0
         fresh = begin + int(np.searchsorted(rows.t[begin:end], self._boundary_ns))
         for weights, margin in rivals.weights(rows, begin, end, fresh, self._out, len(self.sensors), deep):
@@ -487,6 +489,19 @@ class Estimator:
             weights = self._rows.weight[begin:end].copy()
             weights[jolt - begin :] = 1.0
             cost = self._hear(begin, end, weights, self._anchor, cost, rivals.MARGIN, jolt)
+        return cost
+
+    def _hear_slide(self, begin: int, end: int, cost: float) -> float:
+        """Where one channel's values are off together, the story without it."""
+        rows, used = self._rows, self._used(begin, end)
+        if used.sum() <= WITNESSES:
+            return cost
+        gains = slide.gains(rows, begin, end, self._out, self.model.rate)[:, :AE]
+        s, c = np.unravel_index(gains.argmax(), gains.shape)
+        if gains[s, c] > rivals.SLIDE:
+            mine = (rows.sensor[begin:end] == s) & (rows.channel[begin:end] == c)
+            weights = np.where(mine, 0.0, rows.weight[begin:end])
+            cost = self._hear(begin, end, weights, self._anchor, cost, rivals.SLIDE_MARGIN)
         return cost
 
     def _settle(
