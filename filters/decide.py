@@ -11,10 +11,10 @@ from filters.rows import AE, RANGE_RATE
 from filters.unscented import difference
 from filters.window import ahead, back, update
 
-REPEAT = 4  # passes over the window at most; one is enough while nothing changes
+REPEAT = 3  # passes over the window at most; one is enough while nothing changes
 OUTBREAK = outlier.HARD**2
 CONTINUED = 2.5
-SETTLED = 0.05  # a change of weight that is no change
+SETTLED = 0.2  # a change of weight that is no change
 
 
 @njit(cache=True)
