@@ -147,7 +147,8 @@ def _track(t_ns, x, P) -> np.ndarray:
 
 @njit(cache=True)
 def follow(
-    model, t, sensor, channel, value, t_ns, jerk_psd, imq, mind, weight, predicted, sigma, nis, x, P, out, work
+    model, t, sensor, channel, value, t_ns, jerk_psd, imq, mind,
+    weight, predicted, sigma, nis, x, P, out, work,
 ):  # fmt: skip
     """Filter rows (n,) from ``mind`` at ``t_ns``, in place; the state after each epoch to ``x``, ``P``."""
     evidence, epoch = np.zeros(len(jerk_psd)), 0

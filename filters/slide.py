@@ -14,7 +14,7 @@ from filters.rows import CHANNELS
 
 @njit(cache=True)
 def gains(rows, begin, end, out, rate):
-    """(s, 13) by how much −2 log likelihood of rows ``begin`` to ``end`` would fall if only that channel slid.
+    """(s, 13) by how much −2 log likelihood of rows ``begin`` to ``end`` would fall if that channel slid.
 
     ``out`` is the trace of their pass ahead, ``rate`` the model's.
     """

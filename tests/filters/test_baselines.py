@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from filters import baselines
+from filters import baselines, window
+from filters import model as models
 from filters.estimator import Settings
 from filters.rows import AZIMUTH, LATE, RANGE
 from tests.filters import full_ukf
@@ -72,7 +73,8 @@ def update(model, mind, channel, measured):
     weight, predicted, sigma, nis = np.zeros((4, 1))
     baselines.follow(
         model, t, sensor, np.array([channel], np.int8), np.array([measured]), 0, np.ones(1), True, mind,
-        weight, predicted, sigma, nis, np.zeros((1, 9)), np.zeros((1, 9, 9)), np.zeros((16, 9)),
+        weight, predicted, sigma, nis, np.zeros((1, 9)), np.zeros((1, 9, 9)),
+        window.trace(1, 9, 1), models.scratch(9),
     )  # fmt: skip
     return weight[0]
 
