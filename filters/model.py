@@ -123,8 +123,8 @@ def predict_row(model, sensor, channel, x, P, jerk_psd, out, k, work):
     """What the state says about one row: predicted value, and its variance without noise.
 
     ``jerk_psd``, of the motion now, is what a late INS cannot know of: velocity and acceleration have changed
-    since. Into row ``k`` of ``out``: how many derivatives are not zero (``count``), which (``index``), what they are
-    (``gain``), and the cross-covariance P h (``m``). ``work``: see `scratch`.
+    since. Into row ``k`` of ``out``: how many derivatives are not zero (``count``), which (``index``), what they
+    are (``gain``), and the cross-covariance P h (``m``). ``work``: see `scratch`.
     """
     bias, clock = model.bias_at[sensor, channel], model.clock_at[sensor]
     if model.is_ins[sensor]:

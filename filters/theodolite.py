@@ -30,11 +30,12 @@ def observe(channel, p, bend):
 
 @kernel
 def step(channel, p, e, bend):
-    """`observe` of ``p`` + ``e`` minus that of ``p``, without the cancellation and the wrap of a difference."""
-    flat2, square = p[0] * p[0] + p[1] * p[1], p[0] * p[0] + p[1] * p[1] + p[2] * p[2]
+    """`observe` of ``p`` + ``e`` minus that of ``p``, without a difference's cancellation and wrap."""
+    flat2 = p[0] * p[0] + p[1] * p[1]
     flat_gain = 2.0 * (p[0] * e[0] + p[1] * e[1]) + e[0] * e[0] + e[1] * e[1]
     if channel == RANGE:
         gain = flat_gain + e[2] * (2.0 * p[2] + e[2])
+        square = flat2 + p[2] * p[2]
         return (
             gain / (math.sqrt(max(square + gain, 0.0)) + math.sqrt(square))
             if square > 0.0

@@ -47,10 +47,10 @@ def cholesky(C, L, d):
 
 @kernel
 def transform_position(channel, y, C, offset, rotation, bend, s):
-    """Mean and variance of the channel's value, and its gradient (3), where d = 3: the inner loop of everything.
+    """Mean and variance of a channel's value, and its gradient (3), where d = 3: the innermost loop.
 
-    ``y`` (3) mean and ``C`` (6) covariance by rows of its lower half, station ENU, as tuples: arrays cost four
-    times as much here. ``offset, rotation, bend``: the model's, of sensor ``s``.
+    ``y`` (3) mean and ``C`` (6) covariance by rows of its lower half, station ENU, as tuples: arrays cost
+    four times as much here. ``offset, rotation, bend``: the model's, of sensor ``s``.
     """
     l00 = math.sqrt(C[0]) if C[0] > 0.0 else 0.0
     i00 = 1.0 / l00 if l00 > 0.0 else 0.0
@@ -96,7 +96,7 @@ def _turn(rotation, s, a, b, c):
 def transform_rate(y, C, offset, rotation, s, g, work):
     """Mean and variance of the range rate; the gradient goes to ``g`` (6,).
 
-    ``y`` (6,) mean and ``C`` (6, 6) covariance of position and velocity, station ENU; ``work`` (8, 6) scratch.
+    ``y`` (6,) mean and ``C`` (6, 6) covariance of position and velocity, station ENU; ``work`` (8, n).
     """
     L, moved, slope = work[:6], work[6], work[7]
     cholesky(C, L, 6)

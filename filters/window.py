@@ -113,9 +113,9 @@ def ahead(model, rows, begin, end, x, P, t_ns, out, work):
 def back(model, rows, begin, end, out, r, N, work):
     """Hold every row against all others; ``r`` (n,), ``N`` (n, n) say what came after, in place.
 
-    Fills ``out.off`` and ``out.sigma``, and smooths the states that ``out`` keeps. ``work``: see `model.scratch`.
-    Returns the slope of −2 log likelihood by the density of the jerk, jolts left out (Koopman & Shephard 1992,
-    *Exact score for time series models in state space form*).
+    Fills ``out.off`` and ``out.sigma``, and smooths the states that ``out`` keeps. ``work``: `model.scratch`.
+    Returns the slope of −2 log likelihood by the density of the jerk, jolts left out (Koopman & Shephard
+    1992, *Exact score for time series models in state space form*).
     """
     n, Nm, slope = r.size, work[0], 0.0
     for i in range(end - 1, begin - 1, -1):
