@@ -123,8 +123,8 @@ def predict_row(model, sensor, channel, x, P, jerk_psd, out, k, work):
     """What the state says about one row: predicted value, and its variance without noise.
 
     ``jerk_psd``, of the motion now, is what a late INS cannot know of: velocity and acceleration have changed
-    since. Into row ``k`` of ``out``: how many derivatives are not zero (``count``), which (``index``), what they
-    are (``gain``), and the cross-covariance P h (``m``). ``work``: see `scratch`.
+    since. Into row ``k`` of ``out``: how many derivatives are not zero (``count``), which (``index``), what
+    they are (``gain``), and the cross-covariance P h (``m``). ``work``: see `scratch`.
     """
     bias, clock = model.bias_at[sensor, channel], model.clock_at[sensor]
     if model.is_ins[sensor]:
@@ -181,6 +181,7 @@ def _predict_ins(channel, x, P, jerk_psd, bias, clock, index, gain, count, m, k)
         variance += gain[k, i] * m[k, index[k, i]]
     if clock >= 0:
         late = abs(x[clock])
+        jerk_psd = min(jerk_psd, motion.WILDEST)  # a jolt passes, and would silence the INS
         if channel >= AE:
             variance += jerk_psd * late
         else:

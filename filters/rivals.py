@@ -17,8 +17,8 @@ TOTAL = 0.6  # refused share of all positions that makes one doubt the state its
 MARGIN = 4.0  # by which a rival's cost has to be lower
 DEEP_MARGIN = 20.0  # the same for the rivals that turn everything round
 JOLT_NS = 150_000_000  # refusals of several sensors so close together may be one abrupt motion
-SLIDE = 20.0  # gain in likelihood from which a channel may be sliding away
-SLIDE_MARGIN = 4.0
+SLIDE = 30.0  # gain in −2 log likelihood that makes one ask whether a channel slides away
+SLIDE_MARGIN = 10.0  # by which the story without it has to be better
 MANY = 4  # rivals tried at most for jumps in one re-decision
 
 
