@@ -34,12 +34,12 @@ def test_long_line_is_the_one_through_all_that_is_held():
 def test_a_run_of_outliers_hardly_widens_the_long_line():
     t_s, x = ramp(300, seed=11)
     x[200:220] += np.random.default_rng(12).choice([-1.0, 1.0], 20) * 12.0
-    before, after = (
+    paper, ours = (
         screen(t_s, x, Settings(sigma=1.0), m).sigma[[200, 220]]
         for m in ("linear-adaptive", "long-line-adaptive")
     )
-    assert after[1] < 1.15 * after[0]
-    assert before[1] > 1.3 * before[0]
+    assert ours[1] < 1.15 * ours[0]
+    assert paper[1] > 1.3 * paper[0]
 
 
 def test_beta_is_the_expectation_of_the_clipped_square():
