@@ -19,7 +19,8 @@ only while they are at most a quarter of it, what Huber's estimate stands. And w
 ``long-line-adaptive`` goes a step further than the paper. It always predicts by the line through all
 ``window`` good values: √(1 + 4/30) σ off instead of √2.1 σ, and one outlier let through moves it by an
 eighth of its size instead of four fifths. Of a run of refused residuals only the first enters the noise
-window. So it finds outliers down to 6 σ; but 30 values must lie on a line: it is for steady flight.
+window, and what ends the run must fit better than others. So it finds outliers down to 6 σ; but 30 values
+must lie on a line: it is for steady flight.
 
 What one channel cannot see: a slow error, and a run that is as smooth as the flight itself.
 """
@@ -38,6 +39,7 @@ PREDICTORS = ("alpha-beta", "linear", "long-line")
 TRACKER, LAST_FIVE, ALL_HELD = range(len(PREDICTORS))
 LEAST_SHARE = 0.1  # a channel is never ten times better than its sensor says: quantised values repeat
 STRAIGHT = 1.3  # σ: values that scatter more about their line are no line
+AFTER = 3.5  # σ of a residual right after a refused one: a run must not end with an outlier that nearly fits
 YOUNG_REACH = 8.0  # samples; a fourth difference may let an outlier into the first five
 EVEN = 1.5  # values whose spacing varies more than this are no set for a fourth difference
 
@@ -159,7 +161,9 @@ def step(state, t, value, settings, predictor, adaptive):
         return MISSING, shown, shown, state.track[SIGMA]
     residual = _wrapped(value - predicted, period)
     sigma = state.track[SIGMA] if adaptive else settings.sigma
-    good = abs(residual) <= settings.threshold * sigma * growth
+    after = predictor == ALL_HELD and _last_refused(state)
+    limit = min(settings.threshold, AFTER) if after else settings.threshold
+    good = abs(residual) <= limit * sigma * growth
     if good:
         _accept(state, t, predicted + residual, residual, settings.alpha)
     _remember(state, residual / growth, not good, predictor == ALL_HELD, settings.sigma)
@@ -196,8 +200,10 @@ def _by_line(state, t, always):
     """
     n = len(state.t)
     if state.count[HELD] >= n and (always or t - state.t[-1] > EVEN * _interval(state)):
-        predicted, growth, scatter = _line(state.t, state.x, t)
-        if scatter <= STRAIGHT * state.track[SIGMA]:
+        predicted, growth, slope = _line(state.t, state.x, t)
+        sigma = state.track[SIGMA]
+        scatter = _scatter(state.t - t, state.x - predicted, slope, CLIP * sigma if always else np.inf)
+        if scatter <= STRAIGHT * sigma:
             return predicted, growth
     predicted, growth, _ = _line(state.t[-FIVE:], state.x[-FIVE:], t)
     return predicted, growth
@@ -205,17 +211,27 @@ def _by_line(state, t, always):
 
 @njit(cache=True)
 def _line(times, x, t):
-    """Least-squares line: its value at ``t``, the growth there, and the values' scatter about it."""
+    """Least-squares line: its value at ``t``, the growth there, and its slope."""
     n, mean_t, mean_x = len(x), times.mean(), x.mean()
-    spread = moment = square = 0.0
+    spread = moment = 0.0
     for k in range(n):
-        since, off = times[k] - mean_t, x[k] - mean_x
+        since = times[k] - mean_t
         spread += since * since
-        moment += since * off
-        square += off * off
+        moment += since * (x[k] - mean_x)
     slope = moment / spread
-    scatter = np.sqrt(max(square - slope * moment, 0.0) / (n - 2))
-    return mean_x + slope * (t - mean_t), np.sqrt(1.0 + 1.0 / n + (t - mean_t) ** 2 / spread), scatter
+    return mean_x + slope * (t - mean_t), np.sqrt(1.0 + 1.0 / n + (t - mean_t) ** 2 / spread), slope
+
+
+@njit(cache=True)
+def _scatter(since, off, slope, most):
+    """The values' scatter about their line; with a finite ``most``, of a residual, Huber's as for the noise.
+
+    One outlier that was let through does not make the line a bent one so, and five values a worse one.
+    """
+    total = 0.0
+    for k in range(len(off)):
+        total += min(abs(off[k] - slope * since[k]), most) ** 2
+    return np.sqrt(total / (len(off) - 2) / (BETA if most < np.inf else 1.0))
 
 
 @njit(cache=True)
@@ -247,8 +263,7 @@ def _remember(state, residual, refused, once, sigma):
     ``once``: of a run of refused ones no more than the first.
     """
     n = len(state.residual)
-    newest = (state.count[RESIDUALS] - 1) % n
-    if refused and (4 * (state.refused.sum() + 1) > n or (once and state.refused[newest])):
+    if refused and (4 * (state.refused.sum() + 1) > n or (once and _last_refused(state))):
         return
     place = state.count[RESIDUALS] % n
     state.residual[place], state.refused[place] = residual, refused
@@ -262,6 +277,12 @@ def _remember(state, residual, refused, once, sigma):
             total += min(u * u, CLIP**2 * variance)
         variance = total / ((n - 1) * BETA)
     state.track[SIGMA] = max(np.sqrt(variance), LEAST_SHARE * sigma)
+
+
+@njit(cache=True)
+def _last_refused(state):
+    """Whether the newest residual in the noise window was refused."""
+    return state.refused[(state.count[RESIDUALS] - 1) % len(state.refused)]
 
 
 @njit(cache=True)
