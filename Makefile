@@ -15,6 +15,7 @@ test: .venv/test
 bench: .venv/test
 	$(BIN)/gcs bench accuracy
 	$(BIN)/gcs bench speed
+	$(BIN)/gcs bench papers
 
 format: .venv/test
 	$(BIN)/ruff check --fix .

@@ -32,6 +32,7 @@ FADING = 0.97  # Sage-Husa: memory of about 33 measurements
 ALPHA_FLOOR = 0.05  # one scalar cannot carry three states: the prediction keeps a twentieth of its weight
 LEAST_NOISE = 0.05  # Sage-Husa: share of the assumed noise below which no estimate falls
 VOTERS = 5  # accepted measurements whose median speaks against the prediction
+LEAST_VOTE = 0.02  # weight of a measurement that is one of them; what is hardly believed frees no prediction
 
 
 class Wind1D(NamedTuple):
@@ -84,8 +85,9 @@ def _run(z, method, model):
     X = np.array([z[first], 0.0, model.phi])
     P = np.zeros((3, 3))
     P[0, 0], P[1, 1], P[2, 2] = model.start_sigma**2, model.drift_var, model.phi_sigma**2
-    # carried from step to step: reference z(k), its variance as a stand-in, estimated noise, steps, refusals
-    memory = np.array([z[first], 0.0, model.noise_var, 0.0, 0.0])
+    # carried from step to step: reference z(k), its variance as a stand-in, estimated noise, steps, refusals,
+    # variance that the gate had
+    memory = np.array([z[first], 0.0, model.noise_var, 0.0, 0.0, np.inf])
     voters = np.full(VOTERS, np.nan)
     x_out[first], sigma_out[first], phi_out[first], weight_out[first] = X[0], model.start_sigma, X[2], 1.0
     for k in range(first + 1, n):
@@ -125,8 +127,12 @@ def _step(X, P, memory, voters, z, method, model):
         pulled = J * left
     else:
         pulled = 0.0
-    X[0] = X[2] * X[0] + X[1] + pulled
-    X[1] += pulled
+    if weight == 0.0 and not np.isnan(z):
+        # refused: the wind stays where it was, for η would carry it on with no measurement to hold it
+        predicted += X[0] - (X[2] * X[0] + X[1])
+    else:
+        X[0] = X[2] * X[0] + X[1] + pulled
+        X[1] += pulled
     X[2] = min(max(X[2], 0.0), 1.0)  # a wind that grows by itself is none
     P[:] = sandwich(Phi, P)
     P[:2, :2] += drift
@@ -134,6 +140,8 @@ def _step(X, P, memory, voters, z, method, model):
     # a doubted measurement leaves a stand-in between itself and its prediction, as unsure as that is
     memory[0] = predicted + weight * innovation
     memory[1] = (1.0 - weight) * (spread + R + stand_in)
+    if np.isnan(z):
+        memory[5] = np.inf  # in a gap the wind may go anywhere: the gate is the covariance's own again
     return weight
 
 
@@ -152,18 +160,23 @@ def _weigh(X, P, A, R, z, innovation, memory, voters, model):
     """IGG-III weight of a measurement; the prediction's own where the measurements agree against it.
 
     Outliers have no vote: what moves the median of the accepted is the wind. After too many refusals it is
-    the prediction that is given up.
+    the prediction that is given up. Through a run of refusals the covariance grows, the gate does not: an
+    outlier must not come to fit because those before it were refused.
     """
-    weight = weight_of(innovation / np.sqrt(times(P, A) @ A + R), model.k0, model.k1)
+    variance = times(P, A) @ A + R
+    if memory[4] > 0.0:
+        variance = min(variance, memory[5])
+    memory[5] = variance
+    weight = weight_of(innovation / np.sqrt(variance), model.k0, model.k1)
     memory[4] = memory[4] + 1.0 if weight == 0.0 else 0.0
     if memory[4] > model.patience:
         memory[4] = 0.0
         P[0, 0] += innovation**2
         return 1.0
-    if weight > 0.0:
+    if weight > LEAST_VOTE:
         voters[:-1] = voters[1:].copy()
         voters[-1] = z
-    if weight > 0.0 and not np.isnan(voters[0]):
+    if weight > LEAST_VOTE and not np.isnan(voters[0]):
         level_var = model.noise_var / max(1.0 - model.noise_memory**2, 0.1)
         ahead = np.array([X[2], 1.0, X[0]])
         variance = times(P, ahead) @ ahead + model.drift_var + np.pi / 2 * level_var / VOTERS

@@ -16,6 +16,12 @@ the paper's record, with thousands of false alarms instead of one. Refused resid
 only while they are at most a quarter of it, what Huber's estimate stands. And when nothing was good for
 ``reach`` samples the prediction is lost: the search for a good set begins again, a restart.
 
+``long-line-adaptive`` goes a step further than the paper. It always predicts by the line through all
+``window`` good values: √(1 + 4/30) σ off instead of √2.1 σ, and one outlier let through moves it by an
+eighth of its size instead of four fifths. Of a run of refused residuals only the first enters the noise
+window, and what ends the run must fit better than others. So it finds outliers down to 6 σ; but 30 values
+must lie on a line: it is for steady flight.
+
 What one channel cannot see: a slow error, and a run that is as smooth as the flight itself.
 """
 
@@ -28,9 +34,12 @@ CLIP, BETA = 1.5, 0.7785  # Huber's C and E[min(u², C²)] of a standard normal 
 FIVE = 5
 STARTING, GOOD, OUTLIER, MISSING = range(4)
 FLAGS = ("starting", "good", "outlier", "missing")
-METHODS = ("linear-adaptive", "alpha-beta-adaptive", "linear-fixed", "alpha-beta-fixed")
+METHODS = ("linear-adaptive", "alpha-beta-adaptive", "linear-fixed", "alpha-beta-fixed", "long-line-adaptive")
+PREDICTORS = ("alpha-beta", "linear", "long-line")
+TRACKER, LAST_FIVE, ALL_HELD = range(len(PREDICTORS))
 LEAST_SHARE = 0.1  # a channel is never ten times better than its sensor says: quantised values repeat
 STRAIGHT = 1.3  # σ: values that scatter more about their line are no line
+AFTER = 3.5  # σ of a residual right after a refused one: a run must not end with an outlier that nearly fits
 YOUNG_REACH = 8.0  # samples; a fourth difference may let an outlier into the first five
 EVEN = 1.5  # values whose spacing varies more than this are no set for a fourth difference
 
@@ -106,11 +115,12 @@ def screen(t_s: np.ndarray, values: np.ndarray, settings: Settings, method: str 
     return out._replace(restarts=int(state.count[RESTARTS]))
 
 
-def _choice(method: str) -> tuple[bool, bool]:
-    """(linear predictor, adaptive threshold)."""
+def _choice(method: str) -> tuple[int, bool]:
+    """(index into PREDICTORS, adaptive threshold)."""
     if method not in METHODS:
         raise ValueError(f"unknown method {method!r}; choose one of {', '.join(METHODS)}")
-    return method.startswith("linear"), method.endswith("adaptive")
+    predictor, kind = method.rsplit("-", 1)
+    return PREDICTORS.index(predictor), kind == "adaptive"
 
 
 def plain(settings: Settings) -> Settings:
@@ -125,15 +135,15 @@ def _new(settings: Settings) -> State:
 
 
 @njit(cache=True)
-def _column(state, t, values, settings, linear, adaptive, out):
+def _column(state, t, values, settings, predictor, adaptive, out):
     for k in range(len(values)):
         out.flag[k], out.predicted[k], out.cleaned[k], out.sigma[k] = step(
-            state, t[k], values[k], settings, linear, adaptive
+            state, t[k], values[k], settings, predictor, adaptive
         )
 
 
 @njit(cache=True)
-def step(state, t, value, settings, linear, adaptive):
+def step(state, t, value, settings, predictor, adaptive):
     """Judge one value. Returns (flag, predicted, cleaned, sigma)."""
     period = settings.period
     reach = settings.reach if state.count[HELD] >= len(state.t) else min(settings.reach, YOUNG_REACH)
@@ -142,16 +152,21 @@ def step(state, t, value, settings, linear, adaptive):
         state.count[RESTARTS] += 1
     if not state.count[RUNNING]:
         return _start(state, t, value, settings)
-    predicted, growth = _by_line(state, t) if linear else _by_tracker(state, t, settings.alpha)
+    if predictor == TRACKER:
+        predicted, growth = _by_tracker(state, t, settings.alpha)
+    else:
+        predicted, growth = _by_line(state, t, predictor == ALL_HELD)
     shown = predicted % period if period > 0.0 else predicted
     if np.isnan(value):
         return MISSING, shown, shown, state.track[SIGMA]
     residual = _wrapped(value - predicted, period)
     sigma = state.track[SIGMA] if adaptive else settings.sigma
-    good = abs(residual) <= settings.threshold * sigma * growth
+    after = predictor == ALL_HELD and _last_refused(state)
+    limit = min(settings.threshold, AFTER) if after else settings.threshold
+    good = abs(residual) <= limit * sigma * growth
     if good:
         _accept(state, t, predicted + residual, residual, settings.alpha)
-    _remember(state, residual / growth, not good, settings.sigma)
+    _remember(state, residual / growth, not good, predictor == ALL_HELD, settings.sigma)
     return (GOOD, shown, value, sigma) if good else (OUTLIER, shown, shown, sigma)
 
 
@@ -177,16 +192,18 @@ def _start(state, t, value, settings):
 
 
 @njit(cache=True)
-def _by_line(state, t):
+def _by_line(state, t, always):
     """Prediction by the line through the last five, and the 1-sigma of its residual in σ of one value.
 
-    Farther ahead than one value the slope of five is too poor: there the line goes through all good values
-    remembered, if they lie on one.
+    Farther ahead than one value the slope of five is too poor: there, or ``always``, the line goes through
+    all good values remembered, if they lie on one.
     """
     n = len(state.t)
-    if state.count[HELD] >= n and t - state.t[-1] > EVEN * _interval(state):
-        predicted, growth, scatter = _line(state.t, state.x, t)
-        if scatter <= STRAIGHT * state.track[SIGMA]:
+    if state.count[HELD] >= n and (always or t - state.t[-1] > EVEN * _interval(state)):
+        predicted, growth, slope = _line(state.t, state.x, t)
+        sigma = state.track[SIGMA]
+        scatter = _scatter(state.t - t, state.x - predicted, slope, CLIP * sigma if always else np.inf)
+        if scatter <= STRAIGHT * sigma:
             return predicted, growth
     predicted, growth, _ = _line(state.t[-FIVE:], state.x[-FIVE:], t)
     return predicted, growth
@@ -194,17 +211,27 @@ def _by_line(state, t):
 
 @njit(cache=True)
 def _line(times, x, t):
-    """Least-squares line: its value at ``t``, the growth there, and the values' scatter about it."""
+    """Least-squares line: its value at ``t``, the growth there, and its slope."""
     n, mean_t, mean_x = len(x), times.mean(), x.mean()
-    spread = moment = square = 0.0
+    spread = moment = 0.0
     for k in range(n):
-        since, off = times[k] - mean_t, x[k] - mean_x
+        since = times[k] - mean_t
         spread += since * since
-        moment += since * off
-        square += off * off
+        moment += since * (x[k] - mean_x)
     slope = moment / spread
-    scatter = np.sqrt(max(square - slope * moment, 0.0) / (n - 2))
-    return mean_x + slope * (t - mean_t), np.sqrt(1.0 + 1.0 / n + (t - mean_t) ** 2 / spread), scatter
+    return mean_x + slope * (t - mean_t), np.sqrt(1.0 + 1.0 / n + (t - mean_t) ** 2 / spread), slope
+
+
+@njit(cache=True)
+def _scatter(since, off, slope, most):
+    """The values' scatter about their line; with a finite ``most``, of a residual, Huber's as for the noise.
+
+    One outlier that was let through does not make the line a bent one so, and five values a worse one.
+    """
+    total = 0.0
+    for k in range(len(off)):
+        total += min(abs(off[k] - slope * since[k]), most) ** 2
+    return np.sqrt(total / (len(off) - 2) / (BETA if most < np.inf else 1.0))
 
 
 @njit(cache=True)
@@ -230,10 +257,13 @@ def _accept(state, t, x, residual, alpha):
 
 
 @njit(cache=True)
-def _remember(state, residual, refused, sigma):
-    """Let a residual into the noise window, and estimate the noise anew once the window is full."""
+def _remember(state, residual, refused, once, sigma):
+    """Let a residual into the noise window, and estimate the noise anew once the window is full.
+
+    ``once``: of a run of refused ones no more than the first.
+    """
     n = len(state.residual)
-    if refused and 4 * (state.refused.sum() + 1) > n:
+    if refused and (4 * (state.refused.sum() + 1) > n or (once and _last_refused(state))):
         return
     place = state.count[RESIDUALS] % n
     state.residual[place], state.refused[place] = residual, refused
@@ -247,6 +277,12 @@ def _remember(state, residual, refused, sigma):
             total += min(u * u, CLIP**2 * variance)
         variance = total / ((n - 1) * BETA)
     state.track[SIGMA] = max(np.sqrt(variance), LEAST_SHARE * sigma)
+
+
+@njit(cache=True)
+def _last_refused(state):
+    """Whether the newest residual in the noise window was refused."""
+    return state.refused[(state.count[RESIDUALS] - 1) % len(state.refused)]
 
 
 @njit(cache=True)

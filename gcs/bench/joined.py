@@ -1,7 +1,8 @@
 """Screening joined with the trajectory filter, which is what the screening paper asks for at its end.
 
 The paper's record, flown: the range with its outliers comes from a radar that also measures azimuth and
-elevation, without outliers. The filter has no other sensor.
+elevation, without outliers. The filter has no other sensor. ``either`` joins it with our screening,
+``witness`` with the five-point one that watches every channel in the main job.
 """
 
 from typing import NamedTuple
@@ -10,6 +11,7 @@ import numpy as np
 
 from filters import estimator, simulate
 from filters.rows import AZIMUTH, ELEVATION, ISOLATED, PATCH, RANGE, ROW, Sensor
+from filters.screening import OUTLIER
 from filters.witness import Witness
 from gcs.bench import screening
 
@@ -22,6 +24,7 @@ class Joined(NamedTuple):
     screening: tuple[float, float, float]
     trajectory: tuple[float, float, float]
     either: tuple[float, float, float]
+    witness: tuple[float, float, float]
 
 
 def joined(
@@ -33,7 +36,6 @@ def joined(
     """The first ``points`` of a record through both; a value counts as found when it is not let through."""
     made = screening.Record(*(column[:points] for column in screening.record(seed, size, regular)))
     sensor, rows, label = _radar(made, np.random.default_rng(seed))
-    doubted = Witness([sensor]).doubts(rows)
     one = estimator.make("default", [sensor])
     steps = [one.step(part) for part in np.array_split(rows, len(rows) // 300)]
     verdicts = np.concatenate([step.verdicts for step in (*steps, one.finish())])
@@ -41,7 +43,10 @@ def joined(
     refused = np.zeros(len(rows), bool)
     refused[verdicts["id"]] = np.isin(verdicts["verdict"], (ISOLATED, PATCH))
     own = rows["channel"] == RANGE
-    return Joined(*(_score(found[own], label) for found in (doubted, refused, doubted | refused)))
+    refused, watched = refused[own], Witness([sensor]).doubts(rows)[own]
+    doubted = screening.screened(made, screening.OURS).flag[np.isfinite(made.values)] == OUTLIER
+    judged = doubted, refused, doubted | refused, watched | refused
+    return Joined(*(_score(found, label) for found in judged))
 
 
 def _radar(made: screening.Record, rng: np.random.Generator) -> tuple[Sensor, np.ndarray, np.ndarray]:

@@ -15,7 +15,7 @@ NAMES = {simulate.ISOLATED: ("isolated", FAULT), simulate.PATCH: ("in a run", OT
 def channel(seed: int, size: tuple[float, float]) -> Figure:
     """The whole record, and the part with the most outliers in runs as the screening saw it."""
     made = screening.record(seed, size)
-    found = screens.screen(made.t_s, made.values, screens.Settings(sigma=float(made.sigma.mean())))
+    found = screening.screened(made, screening.OURS)
     range_m = screening.flight_ranges()[1]
     figure, (whole, near, cleaned) = panels(3, share_x=False)
     whole.plot(made.t_s, made.values / 1e3, ".", color=GREY, markersize=1.5, label="measured")

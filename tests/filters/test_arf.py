@@ -90,6 +90,17 @@ def test_a_run_of_outliers_is_refused_and_the_truth_kept():
     assert np.abs(arf.estimate(z, "kalman", model).x[150:170] - 10.0).max() > 8.0
 
 
+def test_refusing_does_not_let_the_next_outlier_in():
+    z = 10.0 + np.random.default_rng(6).normal(0.0, 1.0, 200)
+    z[100:112] = 21.0
+    found = arf.estimate(z, "arf", Wind1D())
+    assert (found.weight[100:112] == 0.0).all()
+    assert found.sigma[111] > 1.5 * found.sigma[99]  # yet it says that it knows less
+    assert np.ptp(found.x[99:112]) == 0.0
+    z[105:110] = np.nan  # time without any value is none refused: the wind may have changed
+    assert arf.estimate(z, "arf", Wind1D()).weight[110] > 0.0
+
+
 def test_a_new_wind_is_accepted_after_its_patience():
     rng = np.random.default_rng(5)
     truth = np.where(np.arange(300) < 150, 10.0, -20.0)

@@ -24,6 +24,24 @@ def test_prediction_is_the_papers_weighted_sum():
     assert found.predicted[5] == pytest.approx(weights @ x[:5], abs=1e-12)
 
 
+def test_long_line_is_the_one_through_all_that_is_held():
+    t_s, x = ramp(41, seed=10)
+    found = screen(t_s, x, Settings(sigma=1.0), "long-line-adaptive")
+    fit = np.polyfit(t_s[10:40] - t_s[40], x[10:40], 1)
+    assert found.predicted[40] == pytest.approx(fit[1], abs=1e-6)
+
+
+def test_a_run_of_outliers_hardly_widens_the_long_line():
+    t_s, x = ramp(300, seed=11)
+    x[200:220] += np.random.default_rng(12).choice([-1.0, 1.0], 20) * 12.0
+    paper, ours = (
+        screen(t_s, x, Settings(sigma=1.0), m).sigma[[200, 220]]
+        for m in ("linear-adaptive", "long-line-adaptive")
+    )
+    assert ours[1] < 1.15 * ours[0]
+    assert paper[1] > 1.3 * paper[0]
+
+
 def test_beta_is_the_expectation_of_the_clipped_square():
     clipped = integrate.quad(lambda u: min(u * u, screening.CLIP**2) * stats.norm.pdf(u), -12, 12)[0]
     assert pytest.approx(clipped, abs=1e-4) == screening.BETA

@@ -16,7 +16,7 @@ from gcs.bench.papers_report import Drawn, Grid, Line, terminal, write  # noqa: 
 from gcs.messages import InputError  # noqa: E402
 
 FEW = papers.Counts(
-    runs=6, lessons=75, tuning=1, trainings=1, theodolites=1, flights=5, unseen=1, winds=4, records=1,
+    runs=4, lessons=75, tuning=1, trainings=1, theodolites=1, flights=5, unseen=1, winds=4, records=1,
     joined=1, points=1500,
 )  # fmt: skip
 
@@ -25,7 +25,7 @@ FEW = papers.Counts(
 def found(tmp_path_factory):
     out = tmp_path_factory.mktemp("papers")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(papers_simulations, "PLAN", train.Plan(population=8, generations=5, epochs=3))
+        patch.setattr(papers_simulations, "PLAN", train.Plan(population=4, generations=3, epochs=1))
         return out, papers.run(out, out / "nothing recorded here", FEW)
 
 

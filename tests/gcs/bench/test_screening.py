@@ -31,6 +31,15 @@ def test_five_point_adaptive_does_what_the_paper_reports(regular):
         assert found.restarts <= 2
 
 
+@pytest.mark.parametrize("regular", [False, True])
+def test_the_long_line_finds_small_outliers(regular):
+    made = screening.record(0, screening.SMALLER, regular)
+    ours, paper = (screening.score(made, method) for method in (screening.OURS, screening.OURS_OF))
+    assert ours.false_alarms <= 5
+    assert ours.isolated > 0.98 > 0.95 > paper.isolated
+    assert ours.in_runs > 0.9 > paper.in_runs
+
+
 def test_the_adaptive_threshold_has_fewer_false_alarms():
     made = screening.record(3)
     fixed, adaptive = (

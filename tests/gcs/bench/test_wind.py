@@ -18,7 +18,7 @@ def recorded(name: str) -> wind.Air:
 
 
 def test_only_the_robust_filter_stands_runs_of_outliers():
-    # of the median wind: in one of a hundred the robust filter follows a run too, which the bench reports
+    # of the median wind: in one of a thousand the robust filter follows a run too, which the bench reports
     found = {name: np.median(rmse, axis=0) for name, rmse in wind.table(10).items()}
     clean, dirty = found["arf"]
     assert dirty <= 1.1 * clean
