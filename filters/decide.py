@@ -14,6 +14,8 @@ from filters.window import ahead, back, update
 REPEAT = 3  # passes over the window at most; one is enough while nothing changes
 OUTBREAK = outlier.HARD**2
 CONTINUED = 2.5
+MEMORY = 0.2  # of each further row in a channel's share of misfits
+CROWD = 0.5  # share of misfits on both sides of a row from which it fits by chance only
 SETTLED = 0.2  # a change of weight that is no change
 
 
@@ -58,7 +60,7 @@ def admit(model, rows, begin, end, x, P, t_ns, jerk, variance, run, soft, hard, 
 
 @njit(cache=True)
 def settle(
-    model, rows, begin, end, x0, P0, t0_ns, soft, hard, continued, watched, x, P, out, work, r, N, recent
+    model, rows, begin, end, x0, P0, t0_ns, soft, hard, continued, watched, run, x, P, out, work, r, N, recent
 ):  # fmt: skip
     """Weigh rows ``begin`` to ``end`` again, each by what all the others say, from their weights as they are.
 
@@ -72,7 +74,7 @@ def settle(
         r[:], N[:] = 0.0, 0.0
         slope = back(model, rows, begin, end, out, r, N, work)
         total = cost(rows, begin, end, continued, out, recent)
-        if reweigh(rows, begin, end, soft, hard, watched, out, recent) < SETTLED:
+        if reweigh(rows, begin, end, soft, hard, watched, run, out, recent) < SETTLED:
             break
     return total, slope
 
@@ -109,19 +111,24 @@ def cost(rows, begin, end, continued, out, recent):
 
 
 @exact
-def reweigh(rows, begin, end, soft, hard, watched, out, recent):
+def reweigh(rows, begin, end, soft, hard, watched, run, out, recent):
     """New weights from the residuals against all other rows; returns the largest change.
 
     A row next to an outlier of its channel is under suspicion: AFTER sigmas instead of ``hard``; the sigma
     that counts is bounded, because it has grown only for want of the neighbours; and there has to be a jump
     from the outlier to it, or else it is the same run's next row that happens to fit. All this only where the
     sensor is ``watched`` (s,): alone, a sigma grows with good reason, and nobody can say that it is a run.
-    ``recent`` (s, 13, 2) is scratch: each channel's count of rows refused before, and the last residual.
+    Amid a crowd of misfits, a row that fits does so by chance: refused as well; ``run`` (s, 13, 2), as of
+    `outlier.label`, says what went before. ``recent`` (s, 13, 3) is
+    scratch: each channel's count of rows refused before, the last residual, and the share of misfits.
     """
     for k in range(end - begin):
-        out.next[k], out.alike[k] = False, False
+        out.next[k], out.alike[k], out.crowd[k] = False, False, False
+    for s in range(run.shape[0]):
+        for c in range(run.shape[1]):
+            recent[s, c, 2] = 1.0 if run[s, c, 0] >= outlier.RUN else 0.0
     for direction in (1, -1):
-        recent[:] = 0.0
+        recent[:, :, :2] = 0.0
         for j in range(begin, end):
             i = j if direction == 1 else begin + end - 1 - j
             s, c, k = rows.sensor[i], rows.channel[i], i - begin
@@ -131,6 +138,12 @@ def reweigh(rows, begin, end, soft, hard, watched, out, recent):
                 out.next[k] = True
             if recent[s, c, 0] > 1.0:
                 out.alike[k] |= outlier.same_run(recent[s, c, 1], out.off[k], np.sqrt(rows.noise[i]))
+            if direction == 1:
+                out.crowd[k] = recent[s, c, 2] > CROWD
+            else:
+                out.alike[k] |= out.crowd[k] and recent[s, c, 2] > CROWD
+            misfit = abs(out.off[k]) > outlier.AFTER * out.sigma[k]
+            recent[s, c, 2] += MEMORY * ((1.0 if misfit else 0.0) - recent[s, c, 2])
             recent[s, c, 0] = recent[s, c, 0] + 1.0 if rows.weight[i] == 0.0 else 0.0
             recent[s, c, 1] = out.off[k]
     change = 0.0

@@ -182,7 +182,7 @@ class Estimator:
         self._out, self._spare = windows.trace(1024, n, 1), windows.trace(1024, n, 1)
         self._work = models.scratch(n)
         self._r, self._N = np.zeros(n), np.zeros((n, n))
-        self._recent = np.zeros((len(sensors), len(CHANNELS), 2))
+        self._recent = np.zeros((len(sensors), len(CHANNELS), 3))
         self._newest_ns, self._fixed_ns, self._told, self._marks = LONG_AGO_NS, 0, 0, []
         self._nobody = np.zeros(len(sensors), bool)
         tally = np.zeros((len(sensors), len(CHANNELS), 3))
@@ -510,8 +510,8 @@ class Estimator:
     ) -> tuple[float, float]:  # fmt: skip
         s = self.settings
         return decide.settle(
-            self.model, self._rows, begin, end, anchor.x, anchor.P, anchor.t_ns, s.soft, s.hard, continued, self._watched,
-            head.x, head.P, out, self._work, self._r, self._N, self._recent,
+            self.model, self._rows, begin, end, anchor.x, anchor.P, anchor.t_ns, s.soft, s.hard, continued,
+            self._watched, anchor.run, head.x, head.P, out, self._work, self._r, self._N, self._recent,
         )  # fmt: skip
 
     def _price(self, begin: int, end: int, continued: float = decide.CONTINUED) -> float:

@@ -42,6 +42,7 @@ class Trace(NamedTuple):
     sigma: np.ndarray  # (k,) 1-sigma of that
     next: np.ndarray  # (k,) bool, stands next to an outlier of its channel
     alike: np.ndarray  # (k,) bool, and may well belong to the same run
+    crowd: np.ndarray  # (k,) bool, most before it do not fit
     x: np.ndarray  # (k, n) at the first row of each epoch: state before it, after the pass back smoothed
     P: np.ndarray  # (k, n, n) the same for the covariance; fewer entries keep fewer epochs
 
@@ -66,6 +67,7 @@ def trace(rows: int, n: int, keep: int) -> Trace:
         sigma=f(rows),
         next=f(rows, np.bool_),
         alike=f(rows, np.bool_),
+        crowd=f(rows, np.bool_),
         x=f((keep, n)),
         P=f((keep, n, n)),
     )
