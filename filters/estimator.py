@@ -133,7 +133,7 @@ class Estimator:
                 track["t_ns"][count], track["fixed_ns"][count] = head.t_ns, self._fixed_ns
                 track["x"][count], track["P"][count] = x[:CORE], head.P[:CORE, :CORE]
                 track["reset_counter"][count] = story.begun_again
-                clocks[count] = x[self.model.clock_at]
+                clocks[count] = head.x[self.model.clock_at]
                 count += 1
         track = tracks.polished(track[:count], models.common_shift(self.model, clocks[:count]))
         return Step(track, self._take_smoothed(), np.concatenate([refused, book.changes()]))
