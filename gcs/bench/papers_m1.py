@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from filters import correction, estimator, m1, model, window
+from filters import book, correction, m1, model, window
 from filters.rows import CHANNELS, Sensor
 from gcs.bench import baselines_m1 as baselines
 from gcs.bench.baselines_m1 import Filtered
@@ -75,7 +75,7 @@ def m1_ukf(z, sigma, x, P, step_s, jerk_psd, soft=m1.C, hard=m1.NOTHING) -> Filt
     noise[:3] = sigma
     about = model.build([Sensor("theodolite", "theodolite", noise)], jerk_psd, 1.0, 1.0)
     n = len(z)
-    rows = estimator.room(3 * n)
+    rows = book.room(3 * n)
     rows.t[:], rows.channel[:] = (
         np.repeat(np.arange(1, n + 1) * round(step_s * 1e9), 3),
         np.tile([0, 1, 2], n),
@@ -85,12 +85,9 @@ def m1_ukf(z, sigma, x, P, step_s, jerk_psd, soft=m1.C, hard=m1.NOTHING) -> Filt
     alone = np.zeros(1, bool)
     run, t_ns, x, P = np.zeros((1, len(CHANNELS), 2)), 0, x.copy(), P.copy()
     for k in range(n):
-        span = (3 * k, 3 * k + 3)
-        m1.admit(
-            about, rows, *span, x, P, t_ns, jerk_psd, about.variance, run, soft, hard, False, scratch, work
-        )
-        columns = (rows.sensor, rows.channel, rows.weight, rows.off, rows.verdict, rows.reason)
-        m1.label(*columns, *span, run, alone)
+        span = book.Span(rows, 3 * k, 3 * k + 3)
+        m1.admit(about, *span, x, P, t_ns, jerk_psd, about.variance, run, soft, hard, False, scratch, work)
+        span.label(m1.label, run, alone)
         t_ns = rows.t[3 * k]
         out.x0[k], out.P0[k], out.x1[k], out.P1[k] = scratch.x[0], scratch.P[0], x, P
     return out
