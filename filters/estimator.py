@@ -128,8 +128,8 @@ class Estimator:
         while book.done < book.size:
             if self._epoch() and story.head.t_ns > self._newest_ns:
                 self._newest_ns = story.head.t_ns
-                head, out = story.head, story.out
-                x = self._correction(out.x[0], out.P[0], head.x, head.P)
+                head = story.head
+                x = self._correction(*story.predicted, head.x, head.P)
                 track["t_ns"][count], track["fixed_ns"][count] = head.t_ns, self._fixed_ns
                 track["x"][count], track["P"][count] = x[:CORE], head.P[:CORE, :CORE]
                 track["reset_counter"][count] = story.begun_again

@@ -70,6 +70,7 @@ class Story:
         n, (sensors, channels) = len(model.prior), model.variance.shape
         self.anchor: Moment | None = None
         self.head: Moment | None = None
+        self.predicted = np.zeros(n), np.zeros((n, n))
         self.resets: tuple[Reset, ...] = ()
         self._jerk = settings.jerk_psd
         self._scale = np.stack([np.zeros((sensors, channels)), np.ones((sensors, channels))])
@@ -110,7 +111,7 @@ class Story:
     def take(self, epoch: Span) -> bool:
         """Decide rows of one time at first sight; returns whether one of them ties the state down.
 
-        The predicted state is left in ``out.x[0]``, ``out.P[0]``.
+        ``predicted`` is the state before them.
         """
         rows, begin, _ = epoch
         head, s = self.head, self._settings
@@ -118,6 +119,7 @@ class Story:
             self._model, *epoch, head.x, head.P, head.t_ns, self._jerk, self._variance, head.run,
             s.soft, s.hard, self._watched, self.out, self._work,
         )  # fmt: skip
+        self.predicted = self.out.x[0].copy(), self.out.P[0].copy()
         epoch.label(self._label, head.run, self._nobody)
         self.head = head._replace(t_ns=int(rows.t[begin]))
         return fixed

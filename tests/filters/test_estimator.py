@@ -222,3 +222,15 @@ def polar(p, v, channel):
     if channel == 3:
         return (p * v).sum(axis=1) / distance
     return (distance, np.arctan2(p[:, 0], p[:, 1]), np.arcsin(p[:, 2] / distance))[channel]
+
+
+def test_a_correction_is_told_the_prediction_even_where_the_window_was_decided_again():
+    _, used, rows, _ = scene(3, seconds=8.0, share=0.15)
+    apart = []
+
+    def spy(x0, P0, x1, P1):
+        apart.append(np.linalg.norm(x0[:3] - x1[:3]))
+        return x1
+
+    make("default", used, correction=spy).step(rows)
+    assert np.max(apart[50:]) < 3.0  # a state of the window's beginning would be a second's flight away
