@@ -117,6 +117,9 @@ class Book:
         t, sensor, channel = t[order], sensor[order], channel[order]
         same = np.zeros(len(order), bool)
         same[1:] = (t[1:] == t[:-1]) & (sensor[1:] == sensor[:-1]) & (channel[1:] == channel[:-1])
+        if not same.any() and (np.diff(order) == 1).all():  # as nearly always
+            self.size = size
+            return np.zeros(0, ROW)
         twice = np.zeros(same.sum(), ROW)
         twice["id"] = tail.part("id")[order[same]]
         order = order[~same]
@@ -152,11 +155,11 @@ def faults(new: np.ndarray, variance: np.ndarray, oldest_ns: int) -> np.ndarray:
     """
     known = (new["sensor"] >= 0) & (new["sensor"] < len(variance))
     known[known] = np.isfinite(variance[new["sensor"][known], new["channel"][known]])
-    return np.select(
-        [~known, ~np.isfinite(new["value"]), new["t_ns"] < oldest_ns],
-        [outlier.NO_CHANNEL, outlier.NOT_FINITE, outlier.TOO_OLD],
-        outlier.NONE,
-    )
+    fault = np.full(len(new), outlier.NONE)
+    fault[new["t_ns"] < oldest_ns] = outlier.TOO_OLD
+    fault[~np.isfinite(new["value"])] = outlier.NOT_FINITE
+    fault[~known] = outlier.NO_CHANNEL
+    return fault
 
 
 def refusals(rows: np.ndarray, reason: np.ndarray) -> np.ndarray:
@@ -164,6 +167,7 @@ def refusals(rows: np.ndarray, reason: np.ndarray) -> np.ndarray:
     out = np.zeros(len(rows), VERDICT)
     out["id"], out["reason"], out["final"] = rows["id"], reason, True
     out["predicted"] = out["sigma"] = np.nan
-    twice, late = reason == outlier.TWICE, reason == outlier.TOO_OLD
-    out["verdict"] = np.select([twice, late], [DUPLICATE, LATE], INVALID)
+    out["verdict"] = INVALID
+    out["verdict"][reason == outlier.TWICE] = DUPLICATE
+    out["verdict"][reason == outlier.TOO_OLD] = LATE
     return out

@@ -21,7 +21,7 @@ from filters import model as models
 from filters import report as reports
 from filters.book import Book, Span, faults, refusals
 from filters.motion import CORE
-from filters.rows import CHANNELS, ROW, TRACK, Sensor, Step
+from filters.rows import CHANNELS, ROW, TRACK, VERDICT, Sensor, Step
 from filters.story import Memory, Moment, Story
 
 
@@ -136,7 +136,10 @@ class Estimator:
                 clocks[count] = head.x[self.model.clock_at]
                 count += 1
         track = tracks.polished(track[:count], models.common_shift(self.model, clocks[:count]))
-        return Step(track, self._take_smoothed(), np.concatenate([refused, book.changes()]))
+        verdicts = book.changes()
+        return Step(
+            track, self._take_smoothed(), np.concatenate([refused, verdicts]) if len(refused) else verdicts
+        )
 
     def finish(self) -> Step:
         """Decide what is left. No step may follow."""
@@ -171,6 +174,8 @@ class Estimator:
         if len(good) and book.done and good["t_ns"].min() <= book.rows.t[book.done - 1]:
             self._rewind(good["t_ns"].min())
         twice = book.enter(good)
+        if len(good) == len(new) and not len(twice):
+            return np.zeros(0, VERDICT)
         why = np.concatenate([fault[bad], np.full(len(twice), outlier.TWICE)])
         return refusals(np.concatenate([new[bad], twice]), why)
 
@@ -286,6 +291,5 @@ class Estimator:
         return tracks.polished(track, models.common_shift(self.model, clocks))
 
     def _take_smoothed(self) -> np.ndarray:
-        smoothed = np.concatenate([np.zeros(0, TRACK), *self._smoothed])
-        self._smoothed = []
-        return smoothed
+        parts, self._smoothed = self._smoothed, []
+        return np.concatenate(parts) if parts else np.zeros(0, TRACK)
