@@ -141,7 +141,7 @@ def filterpy_track(sensors, rows: np.ndarray) -> np.ndarray:
     track, now = [], int(first["t_ns"][-1])
     for row in rows[rows["t_ns"] >= now]:
         if row["t_ns"] > now:
-            track.append((now, kf.x[:9].copy(), kf.P[:9, :9].copy(), 0, 0))
+            track.append((now, kf.x[:9].copy(), kf.P[:9, :9].copy(), 0, 0, now))
             dt = (row["t_ns"] - now) * 1e-9
             kf.Q = np.zeros((n, n))
             kf.Q[:9, :9] = settings.jerk_psd * full_ukf.transition(dt)[1]
