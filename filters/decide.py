@@ -119,8 +119,8 @@ def reweigh(rows, begin, end, soft, hard, watched, run, out, recent):
     from the outlier to it, or else it is the same run's next row that happens to fit. All this only where the
     sensor is ``watched`` (s,): alone, a sigma grows with good reason, and nobody can say that it is a run.
     Amid a crowd of misfits, a row that fits does so by chance: refused as well; ``run`` (s, 13, 2), as of
-    `outlier.label`, says what went before. ``recent`` (s, 13, 3) is
-    scratch: each channel's count of rows refused before, the last residual, and the share of misfits.
+    `outlier.label`, says what went before. ``recent`` (s, 13, 3) is scratch: each channel's count of rows
+    refused before, the last residual, and the share of misfits.
     """
     for k in range(end - begin):
         out.next[k], out.alike[k], out.crowd[k] = False, False, False

@@ -29,10 +29,7 @@ def predict(x, P, dt, jerk_psd, rate, variance):
     for i in range(3):
         x[i] += dt * x[i + 3] + half * x[i + 6]
         x[i + 3] += dt * x[i + 6]
-    for i in range(3):
-        for j in range(n):
-            P[i, j] += dt * P[i + 3, j] + half * P[i + 6, j]
-            P[i + 3, j] += dt * P[i + 6, j]
+    carry(P, dt)
     for i in range(n):
         for j in range(3):
             P[i, j] += dt * P[i, j + 3] + half * P[i, j + 6]
@@ -49,6 +46,16 @@ def predict(x, P, dt, jerk_psd, rate, variance):
                 P[j, i] *= keep
             P[i, i] += variance[i] * (1.0 - keep * keep)
     _add_noise(P, dt, jerk_psd)
+
+
+@exact
+def carry(B, dt):
+    """B ← F B for the core's rows of ``B`` (n, k), in place: position, velocity, acceleration by ``dt``."""
+    half = 0.5 * dt * dt
+    for i in range(3):
+        for j in range(B.shape[1]):
+            B[i, j] += dt * B[i + 3, j] + half * B[i + 6, j]
+            B[i + 3, j] += dt * B[i + 6, j]
 
 
 @exact

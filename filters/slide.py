@@ -9,6 +9,7 @@ import numpy as np
 from numba import njit
 
 from filters.kernel import kernel
+from filters.motion import CORE, carry
 from filters.rows import CHANNELS
 
 
@@ -47,11 +48,8 @@ def _impute(rows, begin, end, out, rate, column, B, V, score, information):
         k = i - begin
         if i > begin and rows.t[i] != rows.t[i - 1]:
             dt = (rows.t[i] - rows.t[i - 1]) * 1e-9
-            for a in range(3):
-                for b in range(count):
-                    B[a, b] += dt * B[a + 3, b] + 0.5 * dt * dt * B[a + 6, b]
-                    B[a + 3, b] += dt * B[a + 6, b]
-            for a in range(9, n):
+            carry(B, dt)
+            for a in range(CORE, n):
                 if rate[a] > 0.0:
                     keep = np.exp(-rate[a] * dt)
                     for b in range(count):

@@ -36,11 +36,8 @@ def step(channel, p, e, bend):
     if channel == RANGE:
         gain = flat_gain + e[2] * (2.0 * p[2] + e[2])
         square = flat2 + p[2] * p[2]
-        return (
-            gain / (math.sqrt(max(square + gain, 0.0)) + math.sqrt(square))
-            if square > 0.0
-            else math.sqrt(gain)
-        )
+        slant, moved = math.sqrt(square), math.sqrt(max(square + gain, 0.0))
+        return gain / (moved + slant) if slant > 0.0 else moved
     if channel == AZIMUTH:
         return _angle(e[0] * p[1] - e[1] * p[0], flat2 + p[0] * e[0] + p[1] * e[1])
     flat, moved = math.sqrt(flat2), math.sqrt(max(flat2 + flat_gain, 0.0))
