@@ -1,0 +1,48 @@
+"""What the autopilot says: position and velocity with slow errors, acceleration, all a little late.
+
+Position and velocity are the output of a filter, so their errors are slow: a Gauss-Markov error per axis plus
+white noise, never white noise alone. On recorded ArduPilot flights the position error is 0.1 to 1.3 m with a
+white part below 0.03 m and a correlation time of 2 to 50 s; the velocity error 0.03 to 0.5 m/s, half of it
+still there after 1 s. The row stamped t is valid at t − latency; the latency is a state.
+"""
+
+from filters.models.kernel import kernel
+from filters.models.rows import AE, VE, E
+
+BIAS_SIGMA_M = 2.5  # stationary 1-sigma of the position error per axis: an ordinary single-frequency receiver
+BIAS_TAU_S = 90.0  # its correlation time
+DRIFT_SIGMA_MPS = 0.3  # the same for the velocity error: manoeuvres and gusts
+DRIFT_TAU_S = 2.0
+LATENCY_SIGMA_S = 0.15  # prior of the latency left after the known part: autopilots show 0 to 0.3 s
+
+
+@kernel
+def observe(channel, x, bias_at, clock_at, index, gain, k):
+    """Predicted value of one INS channel; its gradient goes to row ``k`` of ``index``, ``gain``.
+
+    Returns (value, count of non-zero derivatives).
+    """
+    if channel >= AE:
+        axis = channel - AE + 6
+        index[k, 0], gain[k, 0] = axis, 1.0
+        return x[axis], 1
+    order = 1 if channel >= VE else 0
+    axis = channel - (VE if order == 1 else E) + 3 * order
+    index[k, 0], gain[k, 0] = axis, 1.0
+    value, count = x[axis], 1
+    if bias_at >= 0:
+        index[k, count], gain[k, count] = bias_at, 1.0
+        value += x[bias_at]
+        count += 1
+    if clock_at >= 0:
+        late = x[clock_at]
+        index[k, count], gain[k, count] = axis + 3, -late
+        index[k, count + 1], gain[k, count + 1] = clock_at, -x[axis + 3]
+        value -= late * x[axis + 3]
+        count += 2
+        if order == 0:
+            index[k, count], gain[k, count] = axis + 6, 0.5 * late * late
+            gain[k, count - 1] += late * x[axis + 6]
+            value += 0.5 * late * late * x[axis + 6]
+            count += 1
+    return value, count

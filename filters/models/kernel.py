@@ -1,0 +1,10 @@
+"""How the inner loops are compiled.
+
+They allocate nothing, so that numba need not count references to arrays there: that took half of their time.
+Numbers divided by zero give inf, as in numpy.
+"""
+
+from numba import njit
+
+kernel = njit(cache=True, fastmath=True, error_model="numpy", _nrt=False)
+exact = njit(cache=True, error_model="numpy", _nrt=False)  # where reordering would cost P its exact symmetry

@@ -1,0 +1,51 @@
+"""Densities of the motion and noise of every channel, followed by their likelihood under a prior.
+
+The smoother gives the slope and the expected information of the log likelihood by the logarithm θ of each
+(`passes.Scores`), so that a step towards the most probable value is slope / information, with the prior as
+one more observation (scoring: Fahrmeir & Tutz 2001, *Multivariate Statistical Modelling*, 8.3). Both go up
+and down, and back to their prior where the data cannot see them.
+
+motion  the window alone decides, under a log-normal prior around the setting: a manoeuvre begins at once.
+noise   all decided rows of a channel decide, older ones the less; the prior is what the sensor states.
+"""
+
+import numpy as np
+
+from filters.models import motion
+from filters.models.rows import AE, CHANNELS, VE
+from filters.smoother.passes import Scores
+
+MOTION_SIGMA = 1.5  # of the prior of log density: 95 % within a factor of twenty
+MOTION_STEP = 1.2  # largest change of log density in one pass
+NOISE_SIGMA = 0.5  # of the prior of log variance: stated sigmas are right within a factor of 1.6
+INS_NOISE_SIGMA = 3.0  # velocities and accelerations of an INS: vibration, which nobody states
+NOISE_MEMORY_S = 10.0
+LOWEST, HIGHEST = np.log(0.25), np.log(1e3)  # of the variance over the stated one
+
+
+def densities(now: np.ndarray, prior: np.ndarray, scores: Scores) -> np.ndarray:
+    """(4,) after one step from ``now`` (4,); ``prior`` (4,) is the middle of their prior."""
+    slope, information = scores.motion
+    weight = 1.0 / MOTION_SIGMA**2
+    step = (slope + weight * np.log(prior / now)) / (information + weight)
+    step = np.clip(0.5 * step, -MOTION_STEP, MOTION_STEP)  # half of it: densities pull at the same data
+    return np.clip(now * np.exp(step), motion.LOWEST, motion.HIGHEST)
+
+
+def noise_prior(is_ins: np.ndarray) -> np.ndarray:
+    """(2, s, 13) log scale of each channel's variance, and its information, as before the first row."""
+    sigma = np.full((len(is_ins), len(CHANNELS)), NOISE_SIGMA)
+    sigma[is_ins, VE : AE + 3] = INS_NOISE_SIGMA
+    return np.stack([np.zeros_like(sigma), 1.0 / sigma**2])
+
+
+def follow_noise(known: np.ndarray, prior: np.ndarray, scores: Scores, seconds: float) -> np.ndarray:
+    """(2, s, 13) as `noise_prior` after ``seconds`` more of decided rows."""
+    keep = np.exp(-seconds / NOISE_MEMORY_S)
+    information = prior[1] + keep * (known[1] - prior[1])
+    mean = keep * known[1] * known[0] / information  # the prior's own mean is 0
+    slope, more = scores.noise
+    heard = more > 0.0
+    information = information + more
+    mean = np.where(heard, mean + slope / information, mean)
+    return np.stack([np.clip(mean, LOWEST, HIGHEST), information])

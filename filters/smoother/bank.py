@@ -1,0 +1,173 @@
+"""The bank of hypotheses about one set of sensors: the incumbent, and those that challenge it.
+
+A proposal is made when the incumbent explains its window worse than a right model would (a posterior
+predictive check: Gelman et al. 2013, *Bayesian Data Analysis*, 6.3). Whatever went wrong, the proposals are
+the same; the log evidence with prior odds decides:
+
+    again       the same anchor, all rows open again, annealed
+    manoeuvre   an abrupt motion since the first row that was refused
+    start       nothing known before: each sensor's own fix, then all rows, annealed
+
+The first start, a gap, a jump, a capture by a bad sensor are all the last of these.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from filters.models.motion import CORE
+from filters.models.state import prior_covariance
+from filters.smoother import start, status
+from filters.smoother.buffer import Rows, outcome
+from filters.smoother.hypothesis import MANOEUVRE, Hypothesis, Moment, Workspace
+
+SHORTFALL = 4.0  # standard deviations of the log evidence below which the model is thought to be wrong
+ODDS_AGAIN = np.log(1e-2)  # prior odds, in any one window: the incumbent has explained all windows before
+ODDS_MANOEUVRE, ODDS_START = np.log(1e-3), np.log(1e-4)
+TEMPER = 0.3  # power of the odds: rows of a channel are less independent than the model says
+CLOSE = np.log(1e3)  # log odds within which two hypotheses are ambiguous
+APART = 3.0  # sigmas between their positions beyond which it matters
+GOOD_SHARE = 0.5  # of the rows that a first state must explain
+KNOWN_M, KNOWN_SHARE = 50.0, 0.02  # a state is published from this sigma on, or share of the distance
+
+
+class Prior(NamedTuple):
+    """What is known of the target before it is seen."""
+
+    height_m: float = np.nan
+    height_sigma_m: float = np.nan
+
+
+class Bank:
+    """See the module's text. ``best`` is None until there is a first state."""
+
+    def __init__(self, space: Workspace, prior: Prior, excluded: int = -1):
+        self.space, self.prior, self.excluded = space, prior, excluded
+        self.best: Hypothesis | None = None
+        self.ambiguous, self.spread = False, np.zeros((CORE, CORE))  # (9, 9) doubt between hypotheses
+        self.reason = ""  # of the newest start
+
+    def copy(self) -> "Bank":
+        other = object.__new__(Bank)
+        other.__dict__.update(self.__dict__)
+        other.best = self.best and self.best.copy()
+        return other
+
+    def redecide(self, rows: Rows, keep: int):
+        """Settle the window, challenge the incumbent where it fails; returns (scores, started anew)."""
+        best = self.best
+        found = best.settle(rows, keep)
+        self.ambiguous, self.spread = False, np.zeros((CORE, CORE))
+        if best.shortfall < SHORTFALL or len(rows.t) == 0:
+            return found, False
+        before = best.log_evidence
+        everything = (rows.sensor != self.excluded).astype(float)
+        again = self._again(rows, everything, annealed=True)
+        trials = [(ODDS_AGAIN, again), (ODDS_MANOEUVRE, None)]
+        starts = []
+        if min(best.shortfall, again.shortfall) > SHORTFALL:  # no other decision about the rows explains it
+            trials[1] = ODDS_MANOEUVRE, self._manoeuvre(rows)
+            starts = self._starts(rows)
+        if starts:
+            likeliest = max(starts, key=lambda trial: trial.log_evidence)
+            trials.append((ODDS_AGAIN, self._again(rows, likeliest.own.weight, annealed=False)))
+        kept = len(trials)
+        trials += [(ODDS_START, trial) for trial in starts]
+        ranked = sorted(
+            [(before, 0, best), *((odds + t.log_evidence, k + 1, t) for k, (odds, t) in enumerate(trials) if t)],
+            key=lambda entry: (-entry[0], entry[1]),
+        )
+        self.dbg = ranked
+        score, number, winner = ranked[0]
+        self._doubt(ranked)
+        if winner is best:
+            best.settle(rows, keep)
+            return found, False
+        self.best = winner
+        started = number > kept >= 3
+        if started:
+            refused = (best.own.weight < status.DOUBT).mean()
+            self.reason = f"{refused:.0%} of the window's rows refused: begun again from the sensors"
+        return winner.settle(rows, keep), started
+
+    def begin(self, rows: Rows) -> bool:
+        """Try to find a first state in a window of ``rows``; whether there is one now."""
+        trials = sorted(self._starts(rows), key=lambda t: -t.log_evidence)
+        trials = [t for t in trials if (t.own.weight > status.DOUBT).mean() >= GOOD_SHARE]
+        if not trials:
+            return False
+        self.best = trials[0]
+        self._doubt([(trial.log_evidence, 0, trial) for trial in trials])
+        return True
+
+    def _doubt(self, ranked: list) -> None:
+        """What is left of the other hypotheses: a spread of the state, and whether it is ambiguous.
+
+        ``ranked`` (log odds, ·, hypothesis), the likeliest first. Moments of a Gaussian mixture about its
+        likeliest member (Bar-Shalom et al. 2001, 1.4.16).
+        """
+        top, _, winner = ranked[0]
+        others = [(np.exp(TEMPER * (odds - top)), h, odds) for odds, _, h in ranked[1:] if apart(winner, h)]
+        total = 1.0 + sum(chance for chance, _, _ in others)
+        self.spread = np.zeros((CORE, CORE))
+        for chance, h, _ in others:
+            gap = h.head.x[:CORE] - winner.head.x[:CORE]
+            self.spread += chance / total * np.outer(gap, gap)
+        self.ambiguous = any(top - odds < CLOSE for _, _, odds in others)
+
+    def _again(self, rows: Rows, weight: np.ndarray, *, annealed: bool) -> Hypothesis:
+        """The same anchor, from other weights (k,)."""
+        trial = self.best.copy()
+        trial.own.weight[:] = weight
+        trial.settle(rows, 0, annealed=annealed)
+        return trial
+
+    def _manoeuvre(self, rows: Rows) -> Hypothesis | None:
+        """From the first row refused within the newest run of refusals of at least two sensors."""
+        refused = (self.best.own.weight < status.DOUBT) & (rows.sensor != self.excluded)
+        at = np.flatnonzero(refused)
+        if len(np.unique(rows.sensor[at])) < 2:
+            return None
+        trial = self.best.copy()
+        trial.own.weight[at[0] :] = rows.sensor[at[0] :] != self.excluded
+        trial.own.regime[at[0] :] = MANOEUVRE
+        trial.settle(rows, 0)
+        return trial
+
+    def _starts(self, rows: Rows) -> list[Hypothesis]:
+        model, prior = self.space.model, self.prior
+        trials = []
+        heard = np.flatnonzero(rows.sensor != self.excluded)
+        if not len(heard):
+            return trials
+        usable = Rows(*(column[heard] for column in rows))
+        for s, x, P in start.candidates(model, usable, prior.height_m, prior.height_sigma_m):
+            if self.best is not None:
+                self._keep_errors(x, P)
+            anchor = Moment(int(usable.t[0]), x, P, status.fresh_memory(len(model.is_ins)))
+            trial = Hypothesis(self.space, anchor, self.excluded)
+            if self.best is not None:
+                trial.scale = self.best.scale
+            trial.own = outcome(len(rows.t))
+            trial.own.weight[:] = rows.sensor == s
+            trial.settle(rows, 0)
+            trial.settle(rows, 0)
+            trials.append(trial)
+        return trials
+
+    def _keep_errors(self, x: np.ndarray, P: np.ndarray) -> None:
+        """Constant errors of the instruments keep what is known of them, twice as unsure; in place."""
+        model, known = self.space.model, self.best.anchor
+        kept = CORE + np.flatnonzero(model.rate[CORE:] == 0.0)
+        if len(kept):
+            x[kept] = known.x[kept]
+            both = np.ix_(kept, kept)
+            P[both] = np.minimum(4.0 * known.P[both], 1e9)
+            P[kept, kept] = np.minimum(P[kept, kept], prior_covariance(model)[kept, kept])
+
+
+def apart(a: Hypothesis, b: Hypothesis) -> bool:
+    """Whether two hypotheses put the target in different places, by their own sigmas."""
+    gap = a.head.x[:3] - b.head.x[:3]
+    variance = np.diag(a.head.P)[:3] + np.diag(b.head.P)[:3]
+    return bool((gap**2 > APART**2 * np.maximum(variance, 1e-12)).any())

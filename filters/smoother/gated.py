@@ -1,0 +1,129 @@
+"""The gated update: rows at first sight, before later ones can speak for or against them."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from filters.models.motion import CORE, predict
+from filters.models.rows import AE, RANGE_RATE
+from filters.models.state import predict_row
+from filters.smoother.passes import update
+from filters.smoother.status import NEGLIGIBLE, PATCH_ROWS, expected, filtered, log_good, log_gross
+
+GATE = 3.5  # sigmas from which the order of simultaneous rows matters
+SURPRISE = 25.0  # lost log likelihood that asks for a re-decision at once: three gross errors
+FADE = 0.8  # of the surprise from epoch to epoch
+
+
+class Rule(NamedTuple):
+    """How good a row is at first sight."""
+
+    kind: int  # STATUS, IGG or M1
+    soft: float  # sigmas up to which a row has full weight; IGG and M1
+    hard: float  # … from which it has none
+
+
+STATUS, IGG, M1 = range(3)
+
+
+class Told(NamedTuple):
+    """What happened epoch by epoch; arrays (e, …)."""
+
+    t: np.ndarray  # ns
+    fixed: np.ndarray  # bool, whether a row was used that ties the state down: no acceleration, no range rate
+    before_x: np.ndarray  # (e, 9) predicted
+    before_P: np.ndarray  # (e, 9, 9)
+    x: np.ndarray  # (e, n) updated
+    P: np.ndarray  # (e, 9, 9)
+
+
+def told(epochs: int, n: int) -> Told:
+    """Room for so many ``epochs`` of ``n`` states."""
+    f = np.zeros
+    return Told(
+        f(epochs, "i8"), f(epochs, "?"), f((epochs, CORE)), f((epochs, CORE, CORE)), f((epochs, n)),
+        f((epochs, CORE, CORE)),
+    )  # fmt: skip
+
+
+@njit(cache=True)
+def admit(
+    model, rows, own, psd, x, P, t_ns, memory, excluded, rule, surprise, quiet_ns, out, to, work
+):  # fmt: skip
+    """Filter rows epoch by epoch, in place; stops after the first epoch from ``quiet_ns`` on that surprises.
+
+    Where a row of an epoch looks wrong, those that agree best with the prediction go first and sharpen it
+    for the rest: the sensors vote at the same instant. ``memory`` (s, 13, 5) are the statuses so far, see
+    `status.filtered`. Rows of sensor ``excluded`` get no weight. What happened goes into ``to``, `Told`.
+    Returns (rows taken, epochs, the surprise reached).
+    """
+    count, epoch, i = len(rows.t), 0, 0
+    misfit = np.zeros(count)
+    while i < count:
+        end = i + 1
+        while end < count and rows.t[end] == rows.t[i]:
+            end += 1
+        predict(x, P, (rows.t[i] - t_ns) * 1e-9, psd, model.rate, model.prior)
+        t_ns = rows.t[i]
+        to.before_x[epoch], to.before_P[epoch] = x[:CORE], P[:CORE, :CORE]
+        largest = 0.0
+        for k in range(i, end):
+            v, variance = predict_row(model, rows, k, x, P, psd, out, 0, work)
+            misfit[k] = abs(v) / np.sqrt(variance + own.noise[k])
+            largest = max(largest, misfit[k])
+        order = np.argsort(misfit[i:end]) if largest > GATE else np.arange(end - i)
+        fixed, lost = False, 0.0
+        for j in order:
+            k = i + j
+            s, c = rows.sensor[k], rows.channel[k]
+            v, variance = predict_row(model, rows, k, x, P, psd, out, 0, work)
+            noise = own.noise[k]
+            sigma = np.sqrt(variance + noise)
+            w, likelihood = weigh(rule, memory[s, c], v, sigma, noise)
+            if s == excluded:
+                w = 0.0
+            else:
+                lost += expected(sigma, memory[s, c, 4])[0] - likelihood
+            own.weight[k], own.residual[k], own.sigma[k] = w, v, sigma
+            own.nis[k] = (v / sigma) ** 2
+            if w > 0.0:
+                if rule.kind == M1:  # βK is the best gain for a noise that makes the innovation S/β
+                    update(x, P, out.m[0], v, (variance + noise) / w)
+                else:
+                    update(x, P, out.m[0], v, variance + noise / w)
+                fixed |= c < AE and c != RANGE_RATE
+        to.t[epoch], to.fixed[epoch] = t_ns, fixed
+        to.x[epoch], to.P[epoch] = x, P[:CORE, :CORE]
+        epoch += 1
+        i = end
+        surprise = FADE * surprise + max(lost, 0.0)
+        if surprise > SURPRISE and t_ns >= quiet_ns:
+            break
+    return i, epoch, surprise
+
+
+@njit(cache=True)
+def weigh(rule, memory, v, sigma, noise):
+    """Weight of a row at first sight and its log likelihood; its channel's ``memory`` (5,) moves on."""
+    if rule.kind == STATUS:
+        w, likelihood = filtered(memory, v, sigma, noise)
+        return (w if w > NEGLIGIBLE else 0.0), likelihood
+    w, likelihood = igg(v / sigma, rule.soft, rule.hard), max(log_good(v, sigma), log_gross(v, sigma))
+    memory[3] = memory[3] + 1.0 if w < 1.0 else 0.0  # consecutive outliers
+    if rule.kind == M1 and memory[3] >= PATCH_ROWS:
+        w = 0.0
+    return w, likelihood
+
+
+@njit(cache=True)
+def igg(u, soft, hard):
+    """IGG-III weight, 0 … 1, of a value ``u`` sigmas off (Yang 1994, *Robust estimation for dependent
+    observations*): full weight up to ``soft``, then (soft/u) ((hard − u)/(hard − soft))², 0 from ``hard`` on.
+    """
+    u = abs(u)
+    if u <= soft:
+        return 1.0
+    if u >= hard:
+        return 0.0
+    return (soft / u) * ((hard - u) / (hard - soft)) ** 2

@@ -1,0 +1,156 @@
+"""One explanation of the window's rows, and how likely it is.
+
+    anchor ──► the window's rows, each with its weight ──► head
+    committed                                              the state now
+
+A hypothesis is an anchor (a state with each channel's status), a sensor that it leaves out (or none), and a
+regime of the motion for every row. `admit` takes rows at first sight, `settle` weighs the whole window again
+until nothing changes, `commit` lets the anchor pass rows that are decided.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from filters.models import motion
+from filters.models.state import Model, scratch
+from filters.smoother import adaptation, gated, passes, status
+from filters.smoother.buffer import Outcome, Rows, outcome
+
+SETTLED = 0.05  # a change of weight that is no change
+PASSES = 3  # over the window at most, at one temperature
+ANNEALING = (100.0, 16.0, 4.0, 1.0)  # factors of all noise variances, from wide to narrow
+CALM, MANOEUVRE = 0, 1  # regimes
+ABRUPT = np.array([3e4, 3e4, 50.0, 50.0])  # densities of a manoeuvre: a launch, a collision, a stall
+
+
+class Moment(NamedTuple):
+    """A state with its time, and the status of each channel then."""
+
+    t_ns: int
+    x: np.ndarray  # (n,)
+    P: np.ndarray  # (n, n)
+    memory: np.ndarray  # (s, 13, 5) see status.filtered
+
+    def copy(self) -> "Moment":
+        return Moment(self.t_ns, self.x.copy(), self.P.copy(), self.memory.copy())
+
+
+class Workspace:
+    """Scratch arrays that all hypotheses of an estimator share; they hold nothing between calls."""
+
+    def __init__(self, model: Model, prior_psd: np.ndarray):
+        n = len(model.prior)
+        self.model = model
+        self.prior_psd, self.prior_noise = prior_psd, adaptation.noise_prior(model.is_ins)
+        self.work, self.r, self.N = scratch(n), np.zeros(n), np.zeros((n, n))
+        self.trace = passes.trace(1024, n, 256)
+
+    def room(self, rows: int, keep: int) -> passes.Trace:
+        """A trace for ``rows`` rows that can keep the states of the first ``keep``."""
+        trace = self.trace
+        if rows > len(trace.v) or keep > len(trace.x):
+            n = len(self.model.prior)
+            self.trace = passes.trace(max(2 * rows, len(trace.v)), n, max(2 * keep, len(trace.x)))
+        return self.trace
+
+
+class Hypothesis:
+    """See the module's text. ``excluded`` is the sensor left out, −1 for none."""
+
+    def __init__(self, space: Workspace, anchor: Moment, excluded: int = -1):
+        self.space, self.anchor, self.head, self.excluded = space, anchor, anchor.copy(), excluded
+        self.own = outcome(0)
+        self.psd = space.prior_psd  # (4,) now
+        self.log_evidence = self.shortfall = 0.0
+        self.scale = space.prior_noise
+        self.surprise = 0.0
+
+    def copy(self) -> "Hypothesis":
+        """Another one that may go its own way."""
+        other = object.__new__(Hypothesis)
+        other.__dict__.update(self.__dict__)
+        other.anchor, other.head = self.anchor.copy(), self.head.copy()
+        other.own = Outcome(*(column.copy() for column in self.own))
+        return other
+
+    def densities(self) -> np.ndarray:
+        """(2, 4) of the regimes."""
+        return np.stack([self.psd, np.maximum(ABRUPT, self.psd)])
+
+    def admit(self, new: Rows, told: gated.Told, rule: gated.Rule, quiet_ns: int) -> tuple[int, int]:
+        """Take ``new`` rows at first sight until one surprises; (rows, epochs) taken.
+
+        Nothing surprises before ``quiet_ns``."""
+        space, model, head = self.space, self.space.model, self.head
+        own = outcome(len(new.t))
+        own.noise[:] = self._noise(new)
+        count, epochs, self.surprise = gated.admit(
+            model, new, own, self.psd, head.x, head.P, head.t_ns, head.memory, self.excluded, rule,
+            self.surprise, quiet_ns, space.room(1, 0), told, space.work,
+        )  # fmt: skip
+        self.own = Outcome(*(np.concatenate([a, b[:count]]) for a, b in zip(self.own, own, strict=True)))
+        self.head = head._replace(t_ns=int(new.t[count - 1]))
+        return count, epochs
+
+    def _noise(self, rows: Rows) -> np.ndarray:
+        return rows.stated * np.exp(self.scale[0])[rows.sensor, rows.channel]
+
+    def settle(self, rows: Rows, keep: int, *, annealed: bool = False) -> passes.Scores:
+        """Weigh the window's ``rows`` again, each by what all others say; the head follows.
+
+        States of the first ``keep`` rows are smoothed into the workspace's trace. ``annealed`` begins with
+        wide noise, so that the weights it starts from do not decide where it ends. Sets ``log_evidence`` and
+        ``shortfall`` (what the model would expect more, in its own standard deviations).
+        """
+        noise, own = self._noise(rows), self.own
+        for temperature in ANNEALING if annealed else ANNEALING[-1:]:
+            own.noise[:] = temperature * noise
+            for _ in range(1 if temperature > 1.0 else PASSES):
+                found = self._smooth(rows, keep)
+                memory = self.anchor.memory.copy()
+                change = status.posterior(rows, own, memory, self.excluded)
+                if temperature == 1.0 and change < SETTLED:
+                    break
+            if temperature == 1.0:
+                self.psd = adaptation.densities(self.psd, self.space.prior_psd, found)
+        self.head, self.surprise = self.head._replace(memory=memory), 0.0
+        self._weigh_evidence(rows)
+        return found
+
+    def _smooth(self, rows: Rows, keep: int) -> passes.Scores:
+        """Once forward and backward with the weights as they are."""
+        space, model = self.space, self.space.model
+        out = space.room(len(rows.t), keep)
+        x, P = self.anchor.x.copy(), self.anchor.P.copy()
+        densities, found = self.densities(), passes.scores(*model.variance.shape)
+        t_ns = passes.forward(
+            model, rows, self.own, densities, x, P, self.anchor.t_ns, keep, out, space.work
+        )
+        space.r[:], space.N[:] = 0.0, 0.0
+        passes.backward(model, rows, self.own, densities, keep, out, space.r, space.N, found, space.work)
+        self.own.nis[:] = out.v[: len(rows.t)] ** 2 / out.S[: len(rows.t)]
+        self.head = Moment(int(t_ns), x, P, self.head.memory)
+        return found
+
+    def _weigh_evidence(self, rows: Rows) -> None:
+        out = self.space.trace
+        self.log_evidence, expected, spread = status.log_evidence(
+            rows, self.own, out.v, out.S, self.anchor.memory.copy(), self.excluded
+        )
+        self.shortfall = (expected - self.log_evidence) / max(np.sqrt(spread), 1.0)
+
+    def commit(self, rows: Rows, cut: int, found: passes.Scores, seconds: float) -> None:
+        """Decide the first ``cut`` rows for good: the anchor passes them, the noise is followed."""
+        space, model = self.space, self.space.model
+        x, P, memory = self.anchor.x.copy(), self.anchor.P.copy(), self.anchor.memory.copy()
+        left = Rows(*(column[:cut] for column in rows))
+        own = Outcome(*(column[:cut] for column in self.own))
+        out = space.room(cut, 0)
+        t_ns = passes.forward(
+            model, left, own, self.densities(), x, P, self.anchor.t_ns, 0, out, space.work
+        )
+        status.advance(left, own, memory)
+        self.anchor = Moment(int(t_ns), x, P, memory)
+        self.own = Outcome(*(column[cut:].copy() for column in self.own))
+        self.scale = adaptation.follow_noise(self.scale, space.prior_noise, found, seconds)

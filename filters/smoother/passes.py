@@ -1,0 +1,180 @@
+"""One pass forward and one backward over rows: the filter, the smoother and what all rows say of each.
+
+Forward: scalar sequential updates. Backward: the modified Bryson-Frazier recursion in de Jong's form, without
+any inverse: r and N carry what the later rows say, x_smooth = x + P r, P_smooth = P − P N P.
+Sources: Bierman 1973 (*Fixed interval smoothing with discrete measurements*); de Jong 1989 (*Smoothing and
+interpolation with the state-space model*); de Jong & Penzer 1998 for the deletion residual: with
+e = v/S − Kᵀr and D = 1/S + KᵀNK, the residual of a row from all *others* is e/D, of variance 1/D.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from filters.models.kernel import exact, kernel
+from filters.models.motion import CORE, predict, pull_back, score
+from filters.models.state import SLOTS, predict_row
+
+
+class Trace(NamedTuple):
+    """What the forward pass leaves for the backward pass, per row, and what the backward pass finds."""
+
+    index: np.ndarray  # (k, SLOTS) where the row's gradient is not zero
+    gain: np.ndarray  # (k, SLOTS) the gradient there
+    count: np.ndarray  # (k,) how many
+    m: np.ndarray  # (k, n) P h
+    v: np.ndarray  # (k,) innovation
+    S: np.ndarray  # (k,) its variance at full weight
+    x: np.ndarray  # (e, n) at the first row of each epoch: state before it, after the pass back smoothed
+    P: np.ndarray  # (e, n, n) the same for the covariance; fewer entries keep fewer rows' epochs
+
+
+class Scores(NamedTuple):
+    """Slope and expected information of the log likelihood by the logarithm of each density and noise."""
+
+    motion: np.ndarray  # (2, 4) of motion.PSD
+    noise: np.ndarray  # (2, s, 13) of each channel's variance
+
+
+def trace(rows: int, n: int, keep: int) -> Trace:
+    """Room for ``rows`` rows and ``n`` states, with smoothed states for the first ``keep`` of the rows."""
+    f = np.zeros
+    return Trace(
+        index=f((rows, SLOTS), np.int64),
+        gain=f((rows, SLOTS)),
+        count=f(rows, np.int64),
+        m=f((rows, n)),
+        v=f(rows),
+        S=f(rows),
+        x=f((max(keep, 1), n)),
+        P=f((max(keep, 1), n, n)),
+    )
+
+
+def scores(sensors: int, channels: int) -> Scores:
+    """All zero."""
+    return Scores(np.zeros((2, 4)), np.zeros((2, sensors, channels)))
+
+
+@exact
+def update(x, P, m, v, S):
+    """Condition ``x`` and ``P`` on one innovation, in place: ``m`` = P h, ``S`` its variance with noise."""
+    n = x.size
+    scale = 1.0 / np.sqrt(S)
+    for i in range(n):
+        x[i] += m[i] * (v / S)
+        s = m[i] * scale
+        for j in range(n):
+            P[i, j] -= s * (m[j] * scale)
+
+
+@kernel
+def forward(model, rows, own, densities, x, P, t_ns, keep, out, work):
+    """Filter all rows, in place from ``x``, ``P`` at ``t_ns``; returns the time reached.
+
+    ``own`` is their `buffer.Outcome`, whose ``regime`` points into ``densities`` (·, 4). The states before
+    the epochs that begin within the first ``keep`` rows stay in ``out``.
+    """
+    n = x.size
+    for k in range(rows.t.size):
+        psd = densities[own.regime[k]]
+        if rows.t[k] != t_ns or k == 0:
+            predict(x, P, (rows.t[k] - t_ns) * 1e-9, psd, model.rate, model.prior)
+            t_ns = rows.t[k]
+            if k < keep:
+                for a in range(n):
+                    out.x[k, a] = x[a]
+                    for b in range(n):
+                        out.P[k, a, b] = P[a, b]
+        v, variance = predict_row(model, rows, k, x, P, psd, out, k, work)
+        out.v[k], out.S[k] = v, variance + own.noise[k]
+        if own.weight[k] > 0.0:
+            update(x, P, out.m[k], v, variance + own.noise[k] / own.weight[k])
+    return t_ns
+
+
+@kernel
+def backward(model, rows, own, densities, keep, out, r, N, found, work):
+    """Hold every row against all others; ``r`` (n,), ``N`` (n, n) say what came after, in place.
+
+    Fills ``own.residual`` and ``own.sigma``, smooths the states that ``out`` keeps, and adds to ``found``,
+    `Scores` (of the noise only for the first ``keep`` rows). ``work``: `state.scratch`.
+    """
+    n, Nm = r.size, work[0]
+    for k in range(rows.t.size - 1, -1, -1):
+        v, S = out.v[k], out.S[k]
+        mr = mNm = 0.0
+        for b in range(n):
+            Nm[b] = 0.0
+        for a in range(n):
+            mr += out.m[k, a] * r[a]
+            for b in range(n):
+                Nm[b] += out.m[k, a] * N[a, b]
+        for a in range(n):
+            mNm += out.m[k, a] * Nm[a]
+        if own.weight[k] > 0.0:
+            noise = own.noise[k] / own.weight[k]
+            spare = noise - own.noise[k]
+            S += spare
+            e = (v - mr) / S
+            D = 1.0 / S + mNm / (S * S)
+            own.residual[k] = e / D
+            own.sigma[k] = np.sqrt(max(1.0 / D - spare, own.noise[k]))
+            if k < keep:
+                s, c = rows.sensor[k], rows.channel[k]
+                found.noise[0, s, c] += 0.5 * own.weight[k] * noise * (e * e - D)
+                found.noise[1, s, c] += 0.5 * own.weight[k] * (noise * D) ** 2
+            _condense(out.index, out.gain, out.count[k], k, e, D, S, r, N, Nm, work[1])
+        else:
+            own.residual[k] = v - mr
+            own.sigma[k] = np.sqrt(max(S - mNm, own.noise[k]))
+        if k == 0 or rows.t[k] != rows.t[k - 1]:
+            if k < keep:
+                _smooth(out.x[k], out.P[k], r, N, work[1:])
+            if k > 0:
+                dt = (rows.t[k] - rows.t[k - 1]) * 1e-9
+                score(r, N, dt, densities[own.regime[k]], found.motion[0], found.motion[1])
+                pull_back(r, N, dt, model.rate)
+
+
+@kernel
+def _condense(index, gain, count, k, e, D, S, r, N, Nm, h):
+    """r ← r + h e;  N ← (I − K hᵀ)ᵀ N (I − K hᵀ) + h hᵀ / S, written as N − w hᵀ − h wᵀ, w = Nm/S − ½ D h."""
+    n = r.size
+    for a in range(n):
+        h[a] = 0.0
+    for p in range(count):
+        h[index[k, p]] += gain[k, p]
+    for a in range(n):
+        r[a] += h[a] * e
+        Nm[a] = Nm[a] / S - 0.5 * D * h[a]
+    for a in range(n):
+        for b in range(n):
+            N[a, b] -= Nm[a] * h[b] + h[a] * Nm[b]
+
+
+@kernel
+def _smooth(x, P, r, N, work):
+    """x + P r, and P − P N P in the core block, in place; ``work`` (CORE + 1, n) is scratch."""
+    n = r.size
+    row, loss = work[0], work[1:]
+    for a in range(n):
+        row[a] = 0.0
+        for b in range(n):
+            row[a] += P[a, b] * r[b]
+    for a in range(n):
+        x[a] += row[a]
+    for a in range(CORE):
+        for b in range(n):
+            row[b] = 0.0
+        for c in range(n):
+            for b in range(n):
+                row[b] += P[a, c] * N[c, b]
+        for b in range(a, CORE):
+            loss[a, b] = 0.0
+            for c in range(n):
+                loss[a, b] += row[c] * P[b, c]
+    for a in range(CORE):
+        for b in range(a, CORE):
+            P[a, b] -= loss[a, b]
+            P[b, a] = P[a, b]

@@ -1,0 +1,38 @@
+"""Protection levels: how wrong the state may be although any one sensor lies.
+
+Solution separation (Brown & McBurney 1988; Blanch et al. 2015, *Baseline advanced RAIM user algorithm*): for
+each sensor, a second estimator goes on without it. Where that sensor lies, the error is at most the distance
+between the two states plus the error of the one without it, which is K of its own sigmas at the stated risk.
+
+    level = max over sensors ( |x − x₍₋ₛ₎| + K σ₍₋ₛ₎ )
+"""
+
+import numpy as np
+
+RISK = 1e-5  # of an error beyond the level, shared by all sensors
+LEVEL_K = 4.75  # sigmas: two-sided normal at RISK / 5 sensors
+
+
+def enter(track: np.ndarray, apart: list[tuple[np.ndarray, np.ndarray] | None]) -> None:
+    """Fill the protection levels of ``track`` (k,) TRACK, in place.
+
+    ``apart`` has for each sensor the positions (k, 3) and covariances (k, 3, 3) without it, None where there
+    is no state without it: then there is no bound.
+    """
+    if not apart or any(one is None for one in apart):
+        track["protection_h_m"] = track["protection_v_m"] = np.inf
+        return
+    level_h, level_v = (LEVEL_K * sigma for sigma in _sigmas(track["P"][:, :3, :3]))
+    for position, covariance in apart:
+        gap = track["x"][:, :3] - position
+        sigma_h, sigma_v = _sigmas(covariance)
+        level_h = np.maximum(level_h, np.hypot(gap[:, 0], gap[:, 1]) + LEVEL_K * sigma_h)
+        level_v = np.maximum(level_v, np.abs(gap[:, 2]) + LEVEL_K * sigma_v)
+    track["protection_h_m"], track["protection_v_m"] = level_h, level_v
+
+
+def _sigmas(covariance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Largest horizontal 1-sigma (k,) and vertical 1-sigma (k,) of position covariances (k, 3, 3)."""
+    a, b, c = covariance[:, 0, 0], covariance[:, 1, 1], covariance[:, 0, 1]
+    largest = 0.5 * (a + b) + np.sqrt(0.25 * (a - b) ** 2 + c**2)
+    return np.sqrt(largest), np.sqrt(covariance[:, 2, 2])

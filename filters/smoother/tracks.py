@@ -1,0 +1,71 @@
+"""Tracks as they are published: by the time most clocks agree on, and over the whole flight."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from filters.models import motion
+from filters.models.state import Model
+from filters.smoother import passes
+from filters.smoother.buffer import MeasurementBuffer, Outcome, epochs
+from filters.smoother.hypothesis import Workspace
+
+HALF_QUALITY_M = 10.0  # position 1-sigma at which quality is 50
+DOUBTFUL = 20  # the best quality while two hypotheses are nearly as likely
+KNOWN_M, KNOWN_SHARE = 50.0, 0.02  # position 1-sigma, or its share of the distance, of a state that is known
+
+
+def polished(track: np.ndarray, shift_s: np.ndarray) -> np.ndarray:
+    """The ``track`` (k,) TRACK moved by ``shift_s`` (k,) or (1,), with its quality; in place."""
+    x, shift = track["x"], shift_s[:, None]
+    x[:, :3] -= shift * x[:, 3:6] - 0.5 * shift**2 * x[:, 6:9]
+    x[:, 3:6] -= shift * x[:, 6:9]
+    sigma_m = np.sqrt(np.maximum(np.trace(track["P"][:, :3, :3], axis1=1, axis2=2), 0.0))
+    track["quality"] = np.round(100.0 / (1.0 + sigma_m / HALF_QUALITY_M))
+    track["quality"] = np.where(track["ambiguous"], np.minimum(track["quality"], DOUBTFUL), track["quality"])
+    return track
+
+
+def known(model: Model, track: np.ndarray) -> np.ndarray:
+    """(k,) bool, whether each state of ``track`` is known well enough to be published.
+
+    Position within KNOWN_M or KNOWN_SHARE of the distance to the nearest instrument, and velocity within the
+    same for a second.
+    """
+    distance = np.full(len(track), 0.0)
+    if (~model.is_ins).any():
+        gap = track["x"][:, None, :3] - model.offset[~model.is_ins]
+        distance = np.linalg.norm(gap, axis=2).min(axis=1)
+    limit = np.maximum(KNOWN_M, KNOWN_SHARE * distance)
+    sigma = np.sqrt(np.diagonal(track["P"], axis1=1, axis2=2)[:, :6].max(axis=1))
+    return sigma < limit
+
+
+def smooth(
+    space: Workspace, buffer: MeasurementBuffer, starts: dict, densities: np.ndarray
+) -> Iterator[tuple[np.ndarray, ...]]:
+    """Times (k,), states (k, n) and covariances (k, n, n) of a flight's epochs, part by part, the last first.
+
+    ``starts``: row → (`Moment` to go forward from there, whether it knows nothing of the rows before).
+    Full covariances of a whole flight would not fit into memory: hence the parts.
+    """
+    model, n, end = space.model, len(space.model.prior), buffer.size
+    r, N = np.zeros(n), np.zeros((n, n))
+    unused = passes.scores(*model.variance.shape)
+    for begin in sorted(starts, reverse=True):
+        at, fresh = starts[begin]
+        if begin >= end:
+            continue
+        rows = buffer.view(begin, end)
+        own = Outcome(*(column[begin:end].copy() for column in buffer.outcome))
+        keep = end - begin
+        out = passes.trace(keep, n, keep)
+        x, P = at.x.copy(), at.P.copy()
+        passes.forward(model, rows, own, densities, x, P, at.t_ns, keep, out, space.work)
+        passes.backward(model, rows, own, densities, keep, out, r, N, unused, space.work)
+        motion.pull_back(r, N, (rows.t[0] - at.t_ns) * 1e-9, model.rate)
+        if fresh:
+            r[:], N[:] = 0.0, 0.0
+        first = epochs(rows.t)
+        yield rows.t[first], out.x[first], out.P[first]
+        end = begin
