@@ -27,14 +27,14 @@ from typing import NamedTuple
 import numpy as np
 
 from bridges import feed
-from filters import scenario, simulate
+from filters.simulation import scenario, simulate
 from gcs.messages import CHANNELS, POLAR, InputError
 
 TRUTH = np.dtype([("t_ns", "i8"), ("lat_deg", "f8"), ("lon_deg", "f8"), ("alt_m", "f8")])
 COLUMNS = {"range_m": 3, "azimuth_deg": 6, "elevation_deg": 6, "range_rate_mps": 3}  # decimals in files
 TO_FILE = np.array([1.0, np.degrees(1.0), np.degrees(1.0), 1.0])
 RATE_HZ = {"theodolite": 20.0, "radar": 10.0}
-OUTLIER_SHARE = 0.041  # of a phased-array radar record; see filters.simulate.contaminate
+OUTLIER_SHARE = 0.041  # of a phased-array radar record; see filters.simulation.simulate.contaminate
 
 
 class Instrument(NamedTuple):
@@ -47,7 +47,7 @@ class Instrument(NamedTuple):
     alt_m: float
     sigma: dict[str, float]  # by names of COLUMNS; a channel left out is not measured
     refraction: str = "none"  # none | optical | radar
-    errors: simulate.Errors = simulate.NO_ERRORS
+    errors: simulate.InstrumentErrors = simulate.NO_ERRORS
 
 
 def read_truth(path: Path, boot_to_utc_ns: int | None = None) -> np.ndarray:
@@ -110,7 +110,7 @@ def crooked(instruments: Sequence[Instrument], seed: int) -> list[Instrument]:
     for instrument in instruments:
         zero = (rng.normal(0, 1.5), *np.radians(rng.normal(0, 0.01, 2)).tolist(), 0.0)
         clock_s = rng.uniform(-0.08, 0.08)
-        errors = simulate.Errors(zero, clock_s, jitter_s=0.001, gap_share=0.01)
+        errors = simulate.InstrumentErrors(zero, clock_s, jitter_s=0.001, gap_share=0.01)
         out.append(instrument._replace(errors=errors))
     return out
 
@@ -196,7 +196,7 @@ def _make(options: argparse.Namespace) -> None:
     (options.out / "injected.json").write_text(json.dumps(injected, indent=2) + "\n", encoding="utf-8")
 
 
-def _injected(errors: simulate.Errors) -> dict[str, float]:
+def _injected(errors: simulate.InstrumentErrors) -> dict[str, float]:
     zero = (np.array(errors.zero) * TO_FILE).tolist()
     return dict(zip(COLUMNS, zero, strict=True)) | {"clock_offset_s": errors.clock_offset_s}
 

@@ -8,8 +8,8 @@ Everything follows from the data's own times, so a flight cut into other pieces 
 
 import numpy as np
 
-from filters import wind as winds
-from filters.rows import TRACK
+from filters.models.rows import TRACK
+from filters.wind import wind as winds
 from gcs.messages import AIR, Event, Wind
 
 LOST_NS = 2_000_000_000  # without position or velocity for so long, accelerations alone carry no farther
@@ -172,7 +172,7 @@ def _through_air(sample) -> tuple[float, np.ndarray]:
     return float(tas), np.radians([sample[f"{name}_deg"] for name in ("roll", "pitch", "yaw")])
 
 
-def _message(wind: winds.Wind, sample) -> Wind:
+def _message(wind: winds.MeanWind, sample) -> Wind:
     own_e, own_n = float(sample["own_wind_e_mps"]), float(sample["own_wind_n_mps"])
     own = _polar(own_e, own_n) if np.isfinite(own_e + own_n) else (None, None)
     (ee, en), (_, nn) = wind.covariance.tolist()

@@ -7,7 +7,7 @@ the filter's window takes it in or calls it late. In replay all data are there, 
 
 import numpy as np
 
-from filters.rows import ROW
+from filters.models.rows import ROW
 
 MEMORY_NS = 5_000_000_000  # repeats are looked for this far back: longer than any window, any resend
 EARLY = 0.9  # a source is due after this part of its usual interval: allows for 10 % jitter

@@ -112,7 +112,7 @@ def train(
     config: Config = (),
 ) -> None:
     """Train the correction network and test it on flights it has never seen."""
-    from filters.train import Plan
+    from filters.correction.train import Plan
     from gcs import config as configuration
     from gcs import train as trainer
     from gcs.console import say

@@ -20,8 +20,8 @@ FOLDER = Path(filters.__file__).parent
 
 def drop_stale(folder: Path = FOLDER) -> None:
     """Remove what was compiled before the newest source file in ``folder``, before anything is loaded."""
-    kept = [file for kind in ("nbi", "nbc") for file in (folder / "__pycache__").glob(f"*.{kind}")]
-    newest = max(source.stat().st_mtime for source in folder.glob("*.py"))
+    kept = [file for kind in ("nbi", "nbc") for file in folder.rglob(f"__pycache__/*.{kind}")]
+    newest = max(source.stat().st_mtime for source in folder.rglob("*.py"))
     if any(file.stat().st_mtime < newest for file in kept):
         for file in kept:
             file.unlink(missing_ok=True)
@@ -30,21 +30,21 @@ def drop_stale(folder: Path = FOLDER) -> None:
 def prepare() -> None:
     """See that the compiled filter is there and fresh; the first time this takes half a minute."""
     drop_stale()
-    kept = any((FOLDER / "__pycache__").glob("decide*.nbi"))
+    kept = any(FOLDER.rglob("__pycache__/decide*.nbi"))
     if not kept and os.access(FOLDER, os.W_OK):
         subprocess.run([sys.executable, "-m", "gcs.compiled"], cwd=FOLDER.parent, check=True)
 
 
 def _compile() -> None:
     """Every kind of sensor with everything to be estimated: all the code a session can ask for."""
-    from filters import estimator
-    from filters.rows import CHANNELS, Sensor
+    from filters import methods
+    from filters.models.rows import CHANNELS, Sensor
 
     every = np.ones(len(CHANNELS))
     errors = {"estimate": ("bias", "clock")}
     sensors = [Sensor("ins", "ins", every), Sensor("theodolite", "theodolite", every, **errors)]
     for method in ("default", "ga-bp-ukf"):
-        estimator.make(method, sensors).warm_up()
+        methods.make(method, sensors).warm_up()
 
 
 if __name__ == "__main__":

@@ -132,7 +132,7 @@ class Station(_Section):
     view: View = View()
     align: Align = Align()
     screening: Screening = Screening()
-    filter: dict[str, float | int | bool | str] = {}  # filters.estimator.Settings by name
+    filter: dict[str, float | int | bool | str] = {}  # filters.window.estimator.Settings by name
 
 
 def load(path: Path | None, overrides: list[str] = ()) -> Station:

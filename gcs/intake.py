@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from filters.rows import ROW, Sensor
+from filters.models.rows import ROW, Sensor
 from gcs.config import Station
 from gcs.frames import Frame, polar_to_enu
 from gcs.ledger import ANGLES, ENTRY, NO_TIME, PENDING, Ledger

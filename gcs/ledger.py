@@ -81,7 +81,7 @@ class Ledger:
         self._entries["screened"][ids - self.first] = True
 
     def judge(self, verdicts: np.ndarray) -> np.ndarray:
-        """Enter the estimator's verdicts, (v,) filters.rows.VERDICT; returns the ids (v,)."""
+        """Enter the estimator's verdicts, (v,) filters.models.rows.VERDICT; returns the ids (v,)."""
         at = verdicts["id"] - self.first
         scale = np.where(ANGLES[self._entries["channel"][at]], np.degrees(1.0), 1.0)
         for field in ("predicted", "sigma"):

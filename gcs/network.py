@@ -7,7 +7,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from filters.correction import CORE, Correction, Network, off
+from filters.correction.correction import CORE, Correction, Network, off
 from gcs.messages import InputError
 
 

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from bridges import feed
-from filters import screening
+from filters.screening import screening
 from gcs.messages import INSTRUMENT_CHANNELS, InputError
 from gcs.screen_plot import Panel, picture
 
@@ -84,7 +84,7 @@ def _read(file: Path) -> tuple[np.ndarray, list]:
 def _screen(channel: str, t_s: np.ndarray, values: np.ndarray, method: str, limits: dict) -> Result:
     period = PERIOD.get(channel, 0.0)
     noise = noise_of(values, period)
-    settings = screening.Settings(noise, period=period, **limits)
+    settings = screening.Thresholds(noise, period=period, **limits)
     try:
         return Result(channel, screening.screen(t_s, values, settings, method), noise)
     except ValueError as error:

@@ -9,9 +9,10 @@ from typing import NamedTuple, Protocol
 import msgspec
 import numpy as np
 
-from filters import estimator, outlier
-from filters.correction import off
-from filters.witness import Nobody, Witness
+from filters import methods
+from filters.correction.correction import off
+from filters.screening.witness import Nobody, Witness
+from filters.window import estimator, outlier
 from gcs import __version__
 from gcs.air import Air
 from gcs.align import Align
@@ -156,6 +157,6 @@ def settings_of(station: Station) -> estimator.Settings:
 
 def _make_estimator(method: str, sensors: list, settings: estimator.Settings, correction: Callable):
     try:
-        return estimator.make(method, sensors, settings, correction)
+        return methods.make(method, sensors, settings, correction)
     except ValueError as error:
         raise InputError(str(error)) from None

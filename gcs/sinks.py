@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from filters.correction import off
+from filters.correction.correction import off
 from gcs.compiled import prepare
 from gcs.config import Station
 from gcs.console import Console

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 
-from filters.correction import off
+from filters.correction.correction import off
 from gcs import live, messages
 from gcs.config import Station
 from gcs.console import say

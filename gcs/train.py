@@ -15,9 +15,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from filters import correction, train
-from filters.correction import Network
-from filters.estimator import Settings
+from filters.correction import correction, train
+from filters.correction.correction import Network
+from filters.window.estimator import Settings
 from gcs import network, training
 from gcs.messages import InputError
 from gcs.training import Flown

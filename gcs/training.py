@@ -11,9 +11,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from filters import correction, estimator, scenario, simulate
-from filters.estimator import Settings
-from filters.rows import ROW, Sensor
+import filters
+from filters import methods
+from filters.correction import correction
+from filters.models.rows import ROW, Sensor
+from filters.simulation import scenario, simulate
+from filters.window.estimator import Settings
 from gcs import config
 from gcs.frames import Frame
 from gcs.intake import sensors_of
@@ -58,7 +61,7 @@ class Recorder:
 def fly(name, sensors: list[Sensor], rows, truth: scenario.Truth, t0_ns: int, settings: Settings) -> Flown:
     """Filter (n,) ROW with the default method and hold it against ``truth``, timed from ``t0_ns``."""
     recorder = Recorder()
-    track = estimator.make("default", sensors, settings, recorder).step(rows).track
+    track = methods.make("default", sensors, settings, recorder).step(rows).track
     t_s = (track["t_ns"] - t0_ns) * 1e-9
     fit = (t_s > max(t_s[0] + SETTLE_S, truth.t_s[0])) & (t_s < truth.t_s[-1])
     x0, P0, x1, P1 = (column[fit] for column in recorder.columns())
@@ -170,7 +173,7 @@ def _read_rows(path: Path, sensors: list[tuple[str, float]]) -> np.ndarray:
 
 def _filter_key(settings: Settings) -> int:
     """Changes with the filter's settings and with its code: flights of another filter are no examples."""
-    code = b"".join(path.read_bytes() for path in sorted(Path(estimator.__file__).parent.glob("*.py")))
+    code = b"".join(path.read_bytes() for path in sorted(Path(filters.__file__).parent.rglob("*.py")))
     return zlib.crc32(code + repr(settings).encode())
 
 

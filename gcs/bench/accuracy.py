@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from filters import estimator
+from filters.window import estimator
 from gcs.bench import table
 from gcs.bench.cases import CASES
 from gcs.bench.measure import METHODS, measure

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from filters.motion import CORE, predict
+from filters.models.motion import CORE, predict
 
 WAVELET = "db4"  # as smooth as a trajectory's derivative, and short
 LEVELS = 4

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from filters.simulate import PATCH_KINDS, Errors
+from filters.simulation.simulate import PATCH_KINDS, InstrumentErrors
 from gcs.bench.scene import Case, Patch
 
-WRONG = Errors(zero=(5.0, np.radians(0.05), np.radians(0.05), 0.0), clock_offset_s=0.12)
+WRONG = InstrumentErrors(zero=(5.0, np.radians(0.05), np.radians(0.05), 0.0), clock_offset_s=0.12)
 NONE_LOST = {"lost": 0}
 LONG = {"during_worst": 3.0, "back_worst_s": 1.0, "lost": 0}
 SETS = {

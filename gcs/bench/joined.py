@@ -9,10 +9,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from filters import estimator, simulate
-from filters.rows import AZIMUTH, ELEVATION, ISOLATED, PATCH, RANGE, ROW, Sensor
-from filters.screening import OUTLIER
-from filters.witness import Witness
+from filters import methods
+from filters.models.rows import AZIMUTH, ELEVATION, ISOLATED, PATCH, RANGE, ROW, Sensor
+from filters.screening.screening import OUTLIER
+from filters.screening.witness import Witness
+from filters.simulation import simulate
 from gcs.bench import screening
 
 ANGLE_RAD = np.radians(0.05)
@@ -36,7 +37,7 @@ def joined(
     """The first ``points`` of a record through both; a value counts as found when it is not let through."""
     made = screening.Record(*(column[:points] for column in screening.record(seed, size, regular)))
     sensor, rows, label = _radar(made, np.random.default_rng(seed))
-    one = estimator.make("default", [sensor])
+    one = methods.make("default", [sensor])
     steps = [one.step(part) for part in np.array_split(rows, len(rows) // 300)]
     verdicts = np.concatenate([step.verdicts for step in (*steps, one.finish())])
     verdicts = verdicts[verdicts["final"]]

@@ -5,18 +5,21 @@ from typing import NamedTuple
 
 import numpy as np
 
-from filters import baselines, estimator, simulate
+from filters import methods as named
+from filters.baselines import baselines
+from filters.simulation import simulate
+from filters.window import estimator
 from gcs.bench import score
 from gcs.bench.scene import Case, Flight, first_instrument, fly
 
-METHODS = (*estimator.METHODS, *baselines.PSD_FACTORS)
+METHODS = (*named.METHODS, *baselines.PSD_FACTORS)
 LATE_S, ARRIVAL_S = 0.8, 0.1  # largest delay; arrivals are handed over so often
 
 
 def measure(case: Case, seed: int, seconds: float, methods: Sequence[str]) -> dict[str, dict]:
     """Figures of one flight, by method. The oracle: the default without judgement, over the good rows."""
     flight = fly(case, seed, seconds)
-    trusting = estimator.make("default", flight.sensors, estimator.Settings(soft=np.inf, hard=np.inf))
+    trusting = named.make("default", flight.sensors, estimator.Settings(soft=np.inf, hard=np.inf))
     oracle = follow(trusting, flight.rows[flight.labels == simulate.NONE])
     return {method: _figures(case, flight, oracle, method, seed, seconds) for method in methods}
 
@@ -35,7 +38,7 @@ def make(method: str, sensors):
     """One of METHODS."""
     if method in baselines.PSD_FACTORS:
         return baselines.make(method, sensors, estimator.Settings())
-    return estimator.make(method, sensors)
+    return named.make(method, sensors)
 
 
 def follow(one, rows: np.ndarray, ends: np.ndarray | None = None) -> Run:

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from filters import correction, ga, train
+from filters.correction import correction, ga, train
 from gcs.bench.accuracy import FIRST_SEED
 
 

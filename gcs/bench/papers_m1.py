@@ -10,8 +10,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from filters import book, correction, m1, model, window
-from filters.rows import CHANNELS, Sensor
+from filters.baselines import m1
+from filters.correction import correction
+from filters.models import model
+from filters.models.rows import CHANNELS, Sensor
+from filters.window import book
+from filters.window import passes as window
 from gcs.bench import baselines_m1 as baselines
 from gcs.bench.baselines_m1 import Filtered
 

@@ -7,8 +7,8 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from filters import correction, train
-from filters.estimator import Settings
+from filters.correction import correction, train
+from filters.window.estimator import Settings
 from gcs import network, training
 from gcs import train as command
 from gcs.bench.accuracy import FIRST_SEED

@@ -20,7 +20,7 @@ from gcs.bench.papers_picture import (
     panels,
     signed_decades,
 )
-from gcs.bench.papers_simulations import Errors
+from gcs.bench.papers_simulations import SimulationErrors
 from gcs.bench.smoothness_m1 import Watched
 
 COLOURS = {"ga-bp-ukf": OURS, "bp-ekf": FAULT, "classic ukf, tuned": OTHER}
@@ -30,7 +30,7 @@ ENOUGH = 3  # outliers in the flight that is shown
 T_S = STEP_S * np.arange(1, STEPS + 1)
 
 
-def simulation_1(found: dict[str, Errors]) -> Figure:
+def simulation_1(found: dict[str, SimulationErrors]) -> Figure:
     """Distance to the truth, of the first flight and of all."""
     figure, (one, every) = panels(2)
     for name, colour in COLOURS.items():
@@ -45,7 +45,7 @@ def simulation_1(found: dict[str, Errors]) -> Figure:
     return figure
 
 
-def simulation_2(found: dict[str, Errors], runs: list[Run]) -> Figure:
+def simulation_2(found: dict[str, SimulationErrors], runs: list[Run]) -> Figure:
     """Range of the first flight with ENOUGH outliers, measured and filtered, and the errors of all."""
     figure, (measured, filtered, every) = panels(3)
     true_m = np.array([np.linalg.norm(run.truth[:, :3], axis=1) for run in runs])

@@ -3,7 +3,7 @@
 import numpy as np
 from matplotlib.figure import Figure
 
-from filters import arf
+from filters.wind import arf
 from gcs.bench import wind
 from gcs.bench.papers_picture import FAULT, GREY, INK, OTHER, OURS, label, panels
 

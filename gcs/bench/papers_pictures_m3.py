@@ -3,8 +3,8 @@
 import numpy as np
 from matplotlib.figure import Figure
 
-from filters import screening as screens
-from filters import simulate
+from filters.screening import screening as screens
+from filters.simulation import simulate
 from gcs.bench import screening
 from gcs.bench.papers_picture import FAULT, GREY, INK, OTHER, OURS, label, panels, signed_decades
 

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from filters import correction, train
+from filters.correction import correction, train
 from gcs import train as training  # the command's split, gains and report
 from gcs.bench import baselines_m1 as baselines
 from gcs.bench.accuracy import FIRST_SEED
@@ -34,7 +34,7 @@ JERK_PSDS = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0)  # the tuned filters choos
 STARTS_M = (10.0, 30.0, 50.0, 100.0)
 
 
-class Errors(NamedTuple):
+class SimulationErrors(NamedTuple):
     """Position errors of r flights of n steps, m."""
 
     clean: np.ndarray  # (r, n, 3) simulation 1
@@ -60,10 +60,13 @@ def methods(runs: int, tuning: int, plan: train.Plan) -> dict[str, Method]:
     }
 
 
-def simulations(compared: dict[str, Method], runs: int) -> dict[str, Errors]:
+def simulations(compared: dict[str, Method], runs: int) -> dict[str, SimulationErrors]:
     """Simulations 1 and 2 on ``runs`` flights that served neither learning nor tuning."""
     clean, dirty = (flights(runs, first_outlier=first) for first in (STEPS, FIRST_OUTLIER))
-    return {name: Errors(errors(method, clean), errors(method, dirty)) for name, method in compared.items()}
+    return {
+        name: SimulationErrors(errors(method, clean), errors(method, dirty))
+        for name, method in compared.items()
+    }
 
 
 def flights(runs: int, first_seed: int = FIRST_SEED, **settings) -> list:
@@ -71,7 +74,7 @@ def flights(runs: int, first_seed: int = FIRST_SEED, **settings) -> list:
     return [fly(np.random.default_rng(first_seed + k), **settings) for k in range(runs)]
 
 
-def figures(found: dict[str, Errors]) -> dict[str, dict]:
+def figures(found: dict[str, SimulationErrors]) -> dict[str, dict]:
     """{method: {mae_m, median_m, rmse_m, rmse_outliers_m, rise}}, per axis.
 
     ``median_m`` is the mean absolute error as median over the flights, ``rise`` what outliers do to the RMSE.

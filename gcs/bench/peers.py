@@ -16,11 +16,12 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from filters import model as models
-from filters import motion
-from filters import window as windows
-from filters.rows import AZIMUTH, ELEVATION, RANGE, Sensor
-from filters.unscented import difference
+from filters.models import model as models
+from filters.models import motion
+from filters.models.rows import AZIMUTH, ELEVATION, RANGE, Sensor
+from filters.models.unscented import difference
+from filters.models.update import update
+from filters.window import passes
 
 EIGEN = ("/usr/include/eigen3", "/usr/local/include/eigen3", "/opt/homebrew/include/eigen3")
 OPTIONS = ("-std=c++17", "-O3", "-march=native")
@@ -45,7 +46,7 @@ class Timed(NamedTuple):
 def ours(task: Task) -> Timed:
     """The kernels of the estimator, one value after the other, as its passes ahead use them."""
     model = models.build([task.sensor], motion.JERK_PSD, 1.0, 1.0)
-    room = windows.trace(1, 9, 1), models.scratch(9)
+    room = passes.trace(1, 9, 1), models.scratch(9)
     _follow(model, task.t_s[:1], task.shots[:1], task.x.copy(), task.P.copy(), *room)  # compiles
     begin_s = time.perf_counter()
     for _ in range(LAPS):
@@ -61,7 +62,7 @@ def _follow(model, t_s, shots, x, P, out, work):
         for channel in (RANGE, AZIMUTH, ELEVATION):
             seen, variance = models.predict_row(model, 0, channel, x, P, model.jerk_psd, out, 0, work)
             v = difference(channel, shots[i, channel], seen)
-            windows.update(x, P, out.m[0], v, variance + model.variance[0, channel])
+            update(x, P, out.m[0], v, variance + model.variance[0, channel])
 
 
 def eigen(task: Task) -> Timed | None:

@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from filters import scenario, simulate
-from filters.rows import Sensor
+from filters.models.rows import Sensor
+from filters.simulation import scenario, simulate
 
 RATE_HZ = 20.0
 SITES_M = {
@@ -51,7 +51,7 @@ class Case(NamedTuple):
     share: float = 0.0  # of outliers in the instruments' values
     patch: Patch | None = None
     gap_share: float = 0.0  # of an instrument's measurements, lost in dropouts
-    wrong: simulate.Errors = simulate.NO_ERRORS  # systematic errors of the first instrument
+    wrong: simulate.InstrumentErrors = simulate.NO_ERRORS  # systematic errors of the first instrument
     estimate: tuple[str, ...] = ()  # systematic errors to estimate
     doubt: str = "first"  # first | all: of which instruments
     late_share: float = 0.0  # of the rows
@@ -110,7 +110,9 @@ def sensor(name: str, estimate: tuple[str, ...] = ()) -> Sensor:
     return Sensor(name, kind, sigma, np.array(SITES_M[name]), estimate=estimate)
 
 
-def _watch(case: Case, truth, instrument: Sensor, errors: simulate.Errors, rng) -> simulate.Observation:
+def _watch(
+    case: Case, truth, instrument: Sensor, errors: simulate.InstrumentErrors, rng
+) -> simulate.Observation:
     """What one instrument says, outliers and all."""
     errors = errors._replace(gap_share=case.gap_share)
     said = simulate.instrument(truth, instrument, RATE_HZ, rng, errors)

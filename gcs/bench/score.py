@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from filters import scenario, simulate
-from filters.rows import CHANNELS, ISOLATED, PATCH
+from filters.models.rows import CHANNELS, ISOLATED, PATCH
+from filters.simulation import scenario, simulate
 from gcs.bench.scene import Flight
 
 SETTLE_S = 5.0  # of the flight's beginning, not counted
@@ -73,7 +73,7 @@ def patches(flight: Flight, track: np.ndarray, oracle: np.ndarray) -> list[dict]
     return out
 
 
-def recovered(report: dict, name: str, wrong: simulate.Errors) -> dict[str, float]:
+def recovered(report: dict, name: str, wrong: simulate.InstrumentErrors) -> dict[str, float]:
     """By how many of its own sigmas each estimated systematic error of instrument ``name`` is wrong."""
     injected = dict(zip(CHANNELS, wrong.zero, strict=False)) | {"clock": wrong.clock_offset_s}
     found = report["sensors"][name]["errors"]

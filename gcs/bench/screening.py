@@ -11,7 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from filters import screening, simulate
+from filters.screening import screening
+from filters.simulation import simulate
 from gcs.bench.accuracy import FIRST_SEED
 
 POINTS, RATE_HZ, SPEED_MPS = 33_058, 20.0, 200.0
@@ -104,7 +105,7 @@ def screened(made: Record, method: str, **settings) -> screening.Screened:
     """A record screened. The fixed threshold has the mean noise; the adaptive one starts there."""
     chosen = SETTINGS.get(method, {}) | settings
     return screening.screen(
-        made.t_s, made.values, screening.Settings(sigma=float(made.sigma.mean()), **chosen), method
+        made.t_s, made.values, screening.Thresholds(sigma=float(made.sigma.mean()), **chosen), method
     )
 
 

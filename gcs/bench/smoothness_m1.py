@@ -9,8 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from filters import estimator, scenario, simulate
-from filters.rows import CHANNELS, Sensor
+from filters import methods
+from filters.models.rows import CHANNELS, Sensor
+from filters.simulation import scenario, simulate
 from gcs.bench import baselines_m1 as baselines
 from gcs.bench.accuracy import FIRST_SEED
 
@@ -69,7 +70,7 @@ def watch(level: str, seed: int) -> Watched:
     values["adaptive kalman + wavelet"] = _by_channel(seen, _adaptive_wavelet)
     values["alpha-beta"] = _by_channel(seen, _alpha_beta)
     for method in ("ga-bp-ukf", "default"):
-        runner = estimator.make(method, [theodolite, inertial])
+        runner = methods.make(method, [theodolite, inertial])
         values[method] = _polar(runner.step(rows).track, theodolite, seen)
         runner.finish()
         values[f"{method}, smoothed"] = _polar(runner.smooth(), theodolite, seen)

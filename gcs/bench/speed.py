@@ -5,7 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
-from filters import estimator, scenario, simulate
+from filters import methods
+from filters.simulation import scenario, simulate
 from gcs.bench import table
 from gcs.bench.peers import PEERS, Task
 from gcs.bench.scene import RATE_HZ, STANDARD, Case, fly, sensor
@@ -65,7 +66,7 @@ def compare(work: Task, repeats: int) -> dict[str, dict]:
 
 def live(flight) -> dict[str, float]:
     """Every measurement in a step of its own, as a station gets them: microseconds, Python included."""
-    one = estimator.make("default", flight.sensors)
+    one = methods.make("default", flight.sensors)
     one.warm_up()
     ends = np.flatnonzero(np.diff(flight.rows["t_ns"])) + 1
     took = []
@@ -82,7 +83,7 @@ def live(flight) -> dict[str, float]:
 
 def replay(flight) -> float:
     """Seconds for the whole flight, in batches, and its best estimate."""
-    one = estimator.make("default", flight.sensors)
+    one = methods.make("default", flight.sensors)
     one.warm_up()
     t_s = (flight.rows["t_ns"] - simulate.T0_NS) * 1e-9
     parts = np.split(flight.rows, np.flatnonzero(np.diff(t_s // BATCH_S)) + 1)

@@ -2,7 +2,7 @@
 
 Assumed where the paper is silent: 400 steps; measurement noise with memory ψ = 0.5 and increments of
 variance 2 (as a pure random walk, ψ = 1, it would hide the level of the wind from every filter: see
-``filters.arf``); a tenth of the measurements outliers of 15 to 40 m/s, half of them in runs of 3 to 10.
+``filters.wind.arf``); a tenth of the measurements outliers of 15 to 40 m/s, half of them in runs of 3 to 10.
 """
 
 from pathlib import Path
@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from bridges import tlog
-from filters import arf
-from filters import wind as winds
+from filters.wind import arf
+from filters.wind import wind as winds
 from gcs.bench.accuracy import FIRST_SEED
 
 STEPS, SETTLE = 400, 20  # the first are the filters' own start
@@ -135,7 +135,7 @@ def flight(log_path: Path, truth_path: Path) -> Air:
     )
 
 
-def follow(air: Air, coordinated: bool = True) -> list[winds.Wind]:
+def follow(air: Air, coordinated: bool = True) -> list[winds.MeanWind]:
     """The wind at every sample, from those up to then."""
     estimator = winds.WindEstimator(coordinated=coordinated)
     return [estimator.step(*sample) for sample in zip(*air[:4], strict=True)]

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from bridges import feed, simulated, tlog, tlog_flight
-from filters import simulate
+from filters.simulation import simulate
 from gcs.messages import PolarMeasurement
 from tests.bridges.fake import FakeBus
 

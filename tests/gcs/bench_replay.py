@@ -20,8 +20,8 @@ import numpy as np
 from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter
 
 from bridges import simulated, tlog, tlog_flight
-from filters import estimator
-from filters.rows import AZIMUTH, ELEVATION, TRACK
+from filters.models.rows import AZIMUTH, ELEVATION, TRACK
+from filters.window import estimator
 from gcs import config, replay
 from gcs.record import Record
 from gcs.session import Session

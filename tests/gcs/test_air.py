@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from bridges import tlog
-from filters.rows import TRACK
-from filters.wind import true_airspeed
+from filters.models.rows import TRACK
+from filters.wind.wind import true_airspeed
 from gcs import config, replay
 from gcs.air import LOST_NS, Air
 from gcs.messages import AIR, Event, Wind

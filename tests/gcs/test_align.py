@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from filters.rows import ROW
+from filters.models.rows import ROW
 from gcs.align import Align
 
 MS = 1_000_000

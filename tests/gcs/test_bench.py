@@ -6,8 +6,8 @@ import shutil
 import numpy as np
 import pytest
 
-from filters import scenario, simulate
-from filters.rows import ISOLATED, ROW, TRACK, USED, VERDICT
+from filters.models.rows import ISOLATED, ROW, TRACK, USED, VERDICT
+from filters.simulation import scenario, simulate
 from gcs.bench import accuracy, peers, score, speed
 from gcs.bench.cases import CASES, WRONG
 from gcs.bench.measure import follow, make, measure
@@ -168,7 +168,7 @@ def test_no_compiler_is_said_and_not_an_error(monkeypatch):
 
 def textbook(work):
     """tests/filters/full_ukf over the same shots."""
-    from filters.motion import JERK_PSD
+    from filters.models.motion import JERK_PSD
     from tests.filters import full_ukf
 
     x, P, t_s = work.x, work.P, 0.0

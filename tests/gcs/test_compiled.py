@@ -6,11 +6,11 @@ from gcs.compiled import drop_stale
 
 
 def test_a_newer_source_takes_all_compiled_files_with_it(tmp_path):
-    cache = tmp_path / "__pycache__"
-    cache.mkdir()
-    for name, stamp in (("a.py", 100), ("b.py", 100)):
+    cache = tmp_path / "models" / "__pycache__"
+    cache.mkdir(parents=True)
+    for name in ("models/a.py", "b.py"):
         (tmp_path / name).touch()
-        os.utime(tmp_path / name, (stamp, stamp))
+        os.utime(tmp_path / name, (100, 100))
     for name in ("a.nbi", "a.1.nbc", "b.nbi", "a.pyc"):
         (cache / name).touch()
         os.utime(cache / name, (200, 200))

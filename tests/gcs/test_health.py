@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from filters.rows import TRACK
+from filters.models.rows import TRACK
 from gcs.health import Files, Monitor
 from gcs.ledger import ENTRY
 from gcs.messages import CHANNELS, VERDICTS, Event, Health

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from filters import model
-from filters.rows import AZIMUTH, ELEVATION, RANGE
+from filters.models import model
+from filters.models.rows import AZIMUTH, ELEVATION, RANGE
 from gcs.config import Position, Sensor, SensorPrior, Station
 from gcs.frames import Frame
 from gcs.intake import Intake, sensors_of

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from filters.outlier import REASONS
-from filters.rows import VERDICT
+from filters.models.rows import VERDICT
+from filters.window.outlier import REASONS
 from gcs.config import Position, Range, Sensor, Station
 from gcs.frames import Frame
 from gcs.intake import Intake, merge

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from bridges import feed
-from filters.rows import TRACK
+from filters.models.rows import TRACK
 from gcs import config, live, replay
 from gcs.bus import Bus
 from gcs.health import Monitor

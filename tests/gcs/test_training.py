@@ -6,9 +6,10 @@ import json
 import numpy as np
 import pytest
 
-from filters import correction, scenario, simulate
-from filters.estimator import Settings
-from filters.rows import CHANNELS
+from filters.correction import correction
+from filters.models.rows import CHANNELS
+from filters.simulation import scenario, simulate
+from filters.window.estimator import Settings
 from gcs import config, network, train, training
 from gcs.frames import Frame
 from gcs.intake import sensors_of

@@ -10,7 +10,7 @@ pytest.importorskip("torch")
 pytest.importorskip("pywt")
 image = pytest.importorskip("matplotlib.image")
 
-from filters import train  # noqa: E402
+from filters.correction import train  # noqa: E402
 from gcs.bench import papers, papers_convergence, papers_simulations, show_m2  # noqa: E402
 from gcs.bench.papers_report import Drawn, Grid, Line, terminal, write  # noqa: E402
 from gcs.messages import InputError  # noqa: E402

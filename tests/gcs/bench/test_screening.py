@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from filters import simulate
+from filters.simulation import simulate
 from gcs.bench import screening
 from gcs.bench.joined import joined
 

@@ -1,0 +1,56 @@
+"""What a theodolite sees: slant range, azimuth, elevation in its own ENU frame; a passive one has no range.
+
+Refraction bends the line of sight: a target at distance d looks higher by k·d / (2 R_earth) radians.
+Source: Torge & Müller, *Geodesy* (2012), 5.1.1; k = 0.13 for light, 0.25 for radar (the 4/3-Earth rule).
+"""
+
+import math
+
+import numpy as np
+
+from filters.models.kernel import kernel
+from filters.models.rows import AZIMUTH, RANGE
+
+EARTH_RADIUS_M = 6371000.0
+REFRACTION = {"none": 0.0, "optical": 0.13, "radar": 0.25}
+ZERO_SIGMA = 5.0, np.radians(0.05), np.radians(0.05)  # priors in m, rad: set up with ordinary care
+CLOCK_SIGMA_S = 0.1  # prior of the clock offset: a PC synchronised over the network
+
+
+@kernel
+def observe(channel, p, bend):
+    """Range m, azimuth rad in (−π, π] or elevation rad of ``p`` (3,), sensor ENU; ``bend`` = k/2R."""
+    flat = math.sqrt(p[0] * p[0] + p[1] * p[1])
+    if channel == RANGE:
+        return math.sqrt(flat * flat + p[2] * p[2])
+    if channel == AZIMUTH:
+        return math.atan2(p[0], p[1])
+    return math.atan2(p[2], flat) + bend * flat
+
+
+@kernel
+def step(channel, p, e, bend):
+    """`observe` of ``p`` + ``e`` minus that of ``p``, without a difference's cancellation and wrap."""
+    flat2 = p[0] * p[0] + p[1] * p[1]
+    flat_gain = 2.0 * (p[0] * e[0] + p[1] * e[1]) + e[0] * e[0] + e[1] * e[1]
+    if channel == RANGE:
+        gain = flat_gain + e[2] * (2.0 * p[2] + e[2])
+        square = flat2 + p[2] * p[2]
+        slant, moved = math.sqrt(square), math.sqrt(max(square + gain, 0.0))
+        return gain / (moved + slant) if slant > 0.0 else moved
+    if channel == AZIMUTH:
+        return _angle(e[0] * p[1] - e[1] * p[0], flat2 + p[0] * e[0] + p[1] * e[1])
+    flat, moved = math.sqrt(flat2), math.sqrt(max(flat2 + flat_gain, 0.0))
+    out = flat_gain / (moved + flat) if flat > 0.0 else moved
+    turned = _angle(e[2] * flat - p[2] * out, p[2] * (p[2] + e[2]) + flat * moved)
+    return turned + bend * out
+
+
+@kernel
+def _angle(sine, cosine):
+    """atan2; where the angle is small, by its series to the last bit, as it is nearly always here."""
+    t = sine / cosine if cosine > 0.0 else 1.0
+    t2 = t * t
+    if t2 > 1.0 / 256.0:
+        return math.atan2(sine, cosine)
+    return t * (1.0 - t2 * (1 / 3 - t2 * (1 / 5 - t2 * (1 / 7 - t2 * (1 / 9 - t2 * (1 / 11 - t2 / 13))))))

@@ -1,0 +1,126 @@
+"""The unscented transform over the part of the state that an instrument's channel depends on.
+
+A channel depends on y = G x: the target's position at the instrument's true time (d = 3), or position and
+velocity (d = 6, range rate). The rest of the state follows by Gaussian conditioning (Morelande & Moran 2007,
+*Reducing the computational complexity of the UKF*, partially linear form; arXiv 2009.07571).
+Spread √3, so W = 1/6 on each of the 2d points and 1 − d/3 on the centre: the full UKF with α = 1, β = 0,
+κ = 3 − n has the same mean, variance and cross-covariance, because its other points leave y where it is.
+Statistical linear regression turns that into a gradient: g = C⁻¹ cov(y, z), Ω = var z − gᵀ C g.
+"""
+
+import math
+
+from filters.models import radar, theodolite
+from filters.models.kernel import exact, kernel
+from filters.models.rows import AZIMUTH, ELEVATION
+
+SPREAD = math.sqrt(3.0)
+
+
+@kernel
+def wrap(angle):
+    """The same angle in [−π, π], radians."""
+    return angle - 2.0 * math.pi * math.floor((angle + math.pi) / (2.0 * math.pi))
+
+
+@kernel
+def difference(channel, a, b):
+    """a − b in the channel's units; angles the short way round."""
+    return wrap(a - b) if channel in (AZIMUTH, ELEVATION) else a - b
+
+
+@exact
+def cholesky(C, L, d):
+    """Lower factor of the leading d×d block of ``C`` into ``L``; a diagonal lost to rounding is zero."""
+    for j in range(d):
+        for i in range(j):
+            L[i, j] = 0.0
+        for i in range(j, d):
+            s = C[i, j]
+            for k in range(j):
+                s -= L[i, k] * L[j, k]
+            if i == j:
+                L[j, j] = math.sqrt(s) if s > 0.0 else 0.0
+            else:
+                L[i, j] = s / L[j, j] if L[j, j] > 0.0 else 0.0
+
+
+@kernel
+def transform_position(channel, y, C, offset, rotation, bend, s):
+    """Mean and variance of a channel's value, and its gradient (3), where d = 3: the innermost loop.
+
+    ``y`` (3) mean and ``C`` (6) covariance by rows of its lower half, station ENU, as tuples: arrays cost
+    four times as much here. ``offset, rotation, bend``: the model's, of sensor ``s``.
+    """
+    l00 = math.sqrt(C[0]) if C[0] > 0.0 else 0.0
+    i00 = 1.0 / l00 if l00 > 0.0 else 0.0
+    l10, l20 = C[1] * i00, C[3] * i00
+    rest = C[2] - l10 * l10
+    l11 = math.sqrt(rest) if rest > 0.0 else 0.0
+    i11 = 1.0 / l11 if l11 > 0.0 else 0.0
+    l21 = (C[4] - l20 * l10) * i11
+    rest = C[5] - l20 * l20 - l21 * l21
+    l22 = math.sqrt(rest) if rest > 0.0 else 0.0
+    i22 = 1.0 / l22 if l22 > 0.0 else 0.0
+    p = _turn(rotation, s, y[0] - offset[s, 0], y[1] - offset[s, 1], y[2] - offset[s, 2])
+    s0, mean0, square0 = _pair(channel, p, _turn(rotation, s, l00, l10, l20), bend[s])
+    s1, mean1, square1 = _pair(channel, p, _turn(rotation, s, 0.0, l11, l21), bend[s])
+    s2, mean2, square2 = _pair(channel, p, _turn(rotation, s, 0.0, 0.0, l22), bend[s])
+    mean = mean0 + mean1 + mean2
+    g2 = s2 * i22
+    g1 = (s1 - l21 * g2) * i11
+    g0 = (s0 - l10 * g1 - l20 * g2) * i00
+    value = theodolite.observe(channel, p, bend[s]) + mean
+    return value, square0 + square1 + square2 - mean * mean, (g0, g1, g2)
+
+
+@kernel
+def _pair(channel, p, column, bend):
+    """What the two points on either side of ``p`` add: slope, mean, mean square, all relative to ``p``."""
+    a, b, c = SPREAD * column[0], SPREAD * column[1], SPREAD * column[2]
+    up = theodolite.step(channel, p, (a, b, c), bend)
+    down = theodolite.step(channel, p, (-a, -b, -c), bend)
+    return SPREAD * (up - down) / 6.0, (up + down) / 6.0, (up * up + down * down) / 6.0
+
+
+@kernel
+def _turn(rotation, s, a, b, c):
+    return (
+        rotation[s, 0, 0] * a + rotation[s, 0, 1] * b + rotation[s, 0, 2] * c,
+        rotation[s, 1, 0] * a + rotation[s, 1, 1] * b + rotation[s, 1, 2] * c,
+        rotation[s, 2, 0] * a + rotation[s, 2, 1] * b + rotation[s, 2, 2] * c,
+    )
+
+
+@kernel
+def transform_rate(y, C, offset, rotation, s, g, work):
+    """Mean and variance of the range rate; the gradient goes to ``g`` (6,).
+
+    ``y`` (6,) mean and ``C`` (6, 6) covariance of position and velocity, station ENU; ``work`` (8, n).
+    """
+    L, moved, slope = work[:6], work[6], work[7]
+    cholesky(C, L, 6)
+    centre = _rate(y, offset, rotation, s)
+    total = square = 0.0
+    for k in range(6):
+        for i in range(6):
+            moved[i] = y[i] + SPREAD * L[i, k]
+        up = _rate(moved, offset, rotation, s) - centre
+        for i in range(6):
+            moved[i] = y[i] - SPREAD * L[i, k]
+        down = _rate(moved, offset, rotation, s) - centre
+        slope[k] = SPREAD * (up - down) / 6.0
+        total += (up + down) / 6.0
+        square += (up * up + down * down) / 6.0
+    for k in range(5, -1, -1):
+        rest = slope[k]
+        for i in range(k + 1, 6):
+            rest -= L[i, k] * g[i]
+        g[k] = rest / L[k, k] if L[k, k] > 0.0 else 0.0
+    return centre + total, square - total * total
+
+
+@kernel
+def _rate(y, offset, rotation, s):
+    p = _turn(rotation, s, y[0] - offset[s, 0], y[1] - offset[s, 1], y[2] - offset[s, 2])
+    return radar.range_rate(p, _turn(rotation, s, y[3], y[4], y[5]))
