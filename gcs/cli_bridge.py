@@ -21,7 +21,7 @@ def mavlink(
     config: Config = (),
 ) -> None:
     """An autopilot's MAVLink, listen-only, onto the bus as ``raw/ins``."""
-    from bridges import mavlink as source
+    from bridges.mavlink import mavlink as source
     from gcs import config as configuration
 
     resolved = configuration.load(station, config)
@@ -36,6 +36,11 @@ def simulated(
     *,
     station: Path,
     seed: int = 0,
+    out: Annotated[Path | None, Parameter(help="folder: write feeds and labels there, play nothing")] = None,
+    share: Annotated[float | None, Parameter(help="of the values, outliers; 0.041 by default")] = None,
+    clean: Annotated[
+        bool, Parameter(negative="", help="noise only: no outlier, no systematic error")
+    ] = False,
     tlog: Annotated[
         Path | None, Parameter(help="the same flight's log, where the truth is in boot time")
     ] = None,
@@ -43,15 +48,21 @@ def simulated(
     now: Annotated[bool, Parameter(negative="", help="move the flight to the present")] = False,
     config: Config = (),
 ) -> None:
-    """Every instrument of the station onto the bus, simulated from a truth track with all that goes wrong."""
+    """Every instrument of the station, simulated from a truth track with all that goes wrong."""
     from bridges import simulated as source
     from gcs import config as configuration
 
     resolved = configuration.load(station, config)
     track = source.read_truth(truth, source.boot_to_utc_ns(tlog) if tlog else None)
-    instruments = source.crooked(source.instruments_of(station), seed)
+    instruments = source.instruments_of(station)
+    if not clean:
+        instruments = source.crooked(instruments, seed)
+    outliers = 0.0 if clean else source.OUTLIER_SHARE if share is None else share
+    if out:
+        source.write_all(out, track, instruments, seed, outliers)
+        return
     with _bridge_bus(resolved) as bus:
-        source.run(bus, track, instruments, seed, stopped(), speed=speed, now=now)
+        source.run(bus, track, instruments, seed, stopped(), share=outliers, speed=speed, now=now)
 
 
 def _instrument(kind: Literal["theodolite", "radar"]):

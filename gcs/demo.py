@@ -9,8 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
-from bridges import feed, radar, theodolite, tlog, tlog_flight
-from bridges.frames import STAMP
+from bridges import feed, radar, theodolite
+from bridges.tlog import flight as tlog_flight
+from bridges.tlog import tlog
+from bridges.tlog.scan import STAMP
 from gcs import config, station
 from gcs.console import say
 from gcs.messages import InputError

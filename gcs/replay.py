@@ -8,7 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bridges import radar, theodolite, tlog, tlog_flight
+from bridges import radar, theodolite
+from bridges.tlog import flight as tlog_flight
+from bridges.tlog import tlog
 from gcs.config import Station
 from gcs.frames import Frame
 from gcs.intake import Batch, Intake, merge

@@ -89,6 +89,6 @@ def serve(
 
 
 def _mavlink(station: Station, bus, stop: threading.Event) -> None:
-    from bridges import mavlink
+    from bridges.mavlink import mavlink
 
     mavlink.run(station.mavlink.link, station.vehicle.system_id, bus, stop)

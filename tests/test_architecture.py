@@ -16,8 +16,7 @@ MAY_IMPORT = {
         "bridges",
         "gcs.messages",
         "gcs.bus",
-        "filters.simulation.simulate",
-        "filters.simulation.scenario",
+        "filters.simulation",
     },
     "web": {"web", "gcs.messages", "gcs.bus"},
 }

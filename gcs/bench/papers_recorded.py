@@ -4,7 +4,8 @@ from pathlib import Path
 
 import numpy as np
 
-from bridges import tlog, tlog_flight
+from bridges.tlog import flight as tlog_flight
+from bridges.tlog import tlog
 from gcs.bench import wind
 
 LOG, TRUTH = "plane_wind8.tlog", "plane_wind8.truth.csv.gz"

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bridges import tlog
+from bridges.tlog import tlog
 from filters.wind import arf
 from filters.wind import wind as winds
 from gcs.bench.accuracy import FIRST_SEED

@@ -22,7 +22,8 @@ from statistics import median
 import numpy as np
 from pymavlink import mavutil
 
-from bridges import frames, tlog, tlog_flight
+from bridges.tlog import flight as tlog_flight
+from bridges.tlog import scan, tlog
 from tests.bridges import oracle
 
 ROUNDS = 5
@@ -54,7 +55,7 @@ def pymavlink_typed(path: Path) -> int:
 
 def our_all(path: Path) -> int:
     log = tlog.read(path)
-    names = frames.dialect().names
+    names = scan.dialect().names
     return sum(log.messages(names[i]).size for i in np.unique(log.msgid[log.msgid >= 0]))
 
 
@@ -99,7 +100,7 @@ def fuzz(seeds: int) -> int:
                     print(f"{log.name} seed {seed}: {problem}")
                 totals["pieces"] += 1
                 totals["pymavlink"] += len(seen)
-                totals["ours"] += int((read.frames["kind"] == frames.GOOD).sum())
+                totals["ours"] += int((read.frames["kind"] == scan.GOOD).sum())
                 totals["missing"] += len(lost)
                 totals["different"] += len(different)
                 totals["glued"] += glued

@@ -19,7 +19,9 @@ from pathlib import Path
 import numpy as np
 from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter
 
-from bridges import simulated, tlog, tlog_flight
+from bridges import simulated
+from bridges.tlog import flight as tlog_flight
+from bridges.tlog import tlog
 from filters.models.rows import AZIMUTH, ELEVATION, TRACK
 from filters.window import estimator
 from gcs import config, replay
@@ -37,19 +39,12 @@ SETTLED_S = 5.0  # errors are counted from here on: the start is a fix, not yet 
 
 def make_feeds(log: Path, truth: Path, folder: Path, clean: bool) -> dict[str, Path]:
     """Three feeds for a whole flight."""
-    options = [
-        "--truth",
-        truth,
-        "--tlog",
-        log,
-        "--station",
-        SAMPLE / "station.toml",
-        "--seed",
-        SEED,
-        "--out",
-        folder,
-    ]
-    simulated.main([*map(str, options), *(["--clean"] if clean else [])])
+    instruments = simulated.instruments_of(SAMPLE / "station.toml")
+    share = 0.0 if clean else simulated.OUTLIER_SHARE
+    if not clean:
+        instruments = simulated.crooked(instruments, SEED)
+    track = simulated.read_truth(truth, simulated.boot_to_utc_ns(log))
+    simulated.write_all(folder, track, instruments, SEED, share)
     return {name: folder / f"{name}.csv" for name in NAMES}
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bridges import tlog
+from bridges.tlog import tlog
 from filters.models.rows import TRACK
 from filters.wind.wind import true_airspeed
 from gcs import config, replay

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from filters.models.update import weight as three_segments
 from filters.wind import arf
 from filters.wind.arf import Wind1D
-from filters.models.update import weight as three_segments
 
 FIXED_PHI = {"phi_sigma": 1e-9, "phi_walk": 0.0}
 

@@ -6,8 +6,9 @@ import itertools
 import numpy as np
 import pytest
 
-from bridges import tlog, tlog_flight
-from bridges.flightclock import MS, S
+from bridges.mavlink.flightclock import MS, S
+from bridges.tlog import flight as tlog_flight
+from bridges.tlog import tlog
 from tests.bridges import flights, oracle
 from tests.bridges.flights import START_US, flight, packed, positions, write
 

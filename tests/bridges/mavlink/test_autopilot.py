@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from bridges import autopilot
+from bridges.mavlink import autopilot
 
 
 def test_a_climb_rate_of_the_wrong_sign_is_noticed():

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridges import frames
+from bridges.tlog import scan
 from tests.bridges import oracle
 from tests.bridges.oracle import each_log
 
@@ -28,17 +28,17 @@ def attitude(i: int):
     return dialect.MAVLink_attitude_message(1000 + 40 * i, 0.1 * i, -0.2, 3.0, 0.0, 0.0, 0.0)
 
 
-def scan(blob: bytes) -> tuple[np.ndarray, np.ndarray]:
+def scanned(blob: bytes) -> tuple[np.ndarray, np.ndarray]:
     data = np.frombuffer(blob, np.uint8)
-    return data, frames.scan(data)
+    return data, scan.scan(data)
 
 
 @each_log
 def test_has_every_message_pymavlink_decodes_field_by_field(log):
     seen, glued = oracle.pymavlink_messages(log)
     data = np.fromfile(log, np.uint8)
-    found = frames.scan(data)
-    good = found[found["kind"] == frames.GOOD]
+    found = scan.scan(data)
+    good = found[found["kind"] == scan.GOOD]
     assert not glued
     assert good["offset"].tolist() == [one.offset for one in seen]
     assert good["receipt_us"].tolist() == [one.receipt_us for one in seen]
@@ -51,7 +51,7 @@ def test_damaged_logs_lose_nothing_pymavlink_finds(log, tmp_path):
     for seed in range(4):
         path.write_bytes(oracle.damaged(data, seed))
         seen, _ = oracle.pymavlink_messages(path)
-        bytes_, found = scan(path.read_bytes())
+        bytes_, found = scanned(path.read_bytes())
         assert seen
         assert oracle.missing(seen, found) == []
         assert oracle.differences(seen, bytes_, found) == []
@@ -61,11 +61,11 @@ def test_damaged_logs_lose_nothing_pymavlink_finds(log, tmp_path):
 @pytest.mark.parametrize("key", [b"", bytes(32)])
 def test_versions_and_signatures(version, key):
     send = Sender(version, key=key if version == 2 else b"")
-    data, found = scan(b"".join(send(attitude(i)) for i in range(300)))
-    assert found["kind"].tolist() == [frames.GOOD] * 300
+    data, found = scanned(b"".join(send(attitude(i)) for i in range(300)))
+    assert found["kind"].tolist() == [scan.GOOD] * 300
     assert set(found["version"]) == {version}
     assert found["seq"].tolist() == [i % 256 for i in range(300)]
-    columns = frames.payloads(data, found, dialect.MAVLINK_MSG_ID_ATTITUDE, np.dtype([]))
+    columns = scan.payloads(data, found, dialect.MAVLINK_MSG_ID_ATTITUDE, np.dtype([]))
     assert columns["time_boot_ms"].tolist() == [1000 + 40 * i for i in range(300)]
     assert not found["duplicate"].any()
 
@@ -73,9 +73,9 @@ def test_versions_and_signatures(version, key):
 def test_truncated_zeros_and_text_come_back():
     send = Sender()
     text = dialect.MAVLink_statustext_message(3, b"low battery")
-    data, found = scan(send(text) + send(attitude(0)))
+    data, found = scanned(send(text) + send(attitude(0)))
     assert found["length"][0] < dialect.MAVLink_statustext_message.unpacker.size
-    row = frames.payloads(data, found[:1], dialect.MAVLINK_MSG_ID_STATUSTEXT, np.dtype([]))[0]
+    row = scan.payloads(data, found[:1], dialect.MAVLINK_MSG_ID_STATUSTEXT, np.dtype([]))[0]
     assert (row["severity"], row["text"], row["chunk_seq"]) == (3, b"low battery", 0)
 
 
@@ -85,17 +85,17 @@ def test_finds_the_frame_right_behind_damage(junk, keep_stamp):
     send = Sender()
     records = [send(attitude(i)) for i in range(9)]
     records[4] = junk + (records[4] if keep_stamp else records[4][8:])
-    _, found = scan(b"".join(records))
-    assert (found["kind"] == frames.GOOD).sum() == 9
-    assert found["receipt_us"][found["kind"] == frames.GOOD][5] == 1_700_000_000_000_000
+    _, found = scanned(b"".join(records))
+    assert (found["kind"] == scan.GOOD).sum() == 9
+    assert found["receipt_us"][found["kind"] == scan.GOOD][5] == 1_700_000_000_000_000
 
 
 def test_cut_frame_does_not_hide_the_next():
     send = Sender()
     records = [send(attitude(i)) for i in range(40)]
     for keep in range(9, len(records[0])):
-        _, found = scan(b"".join([records[0], records[1][:keep], *records[2:]]))
-        assert (found["kind"] == frames.GOOD).sum() == 39
+        _, found = scanned(b"".join([records[0], records[1][:keep], *records[2:]]))
+        assert (found["kind"] == scan.GOOD).sum() == 39
 
 
 def test_unknown_and_bad_frames_are_stepped_over_and_named():
@@ -105,8 +105,8 @@ def test_unknown_and_bad_frames_are_stepped_over_and_named():
     unknown[8 + 7 : 8 + 10] = (9_999_999).to_bytes(3, "little")
     bad = bytearray(records[3])
     bad[8 + 15] ^= 1
-    _, found = scan(b"".join([records[0], unknown, records[2], bad, records[4]]))
-    assert found["kind"].tolist() == [frames.GOOD, frames.UNKNOWN, frames.GOOD, frames.BAD_CRC, frames.GOOD]
+    _, found = scanned(b"".join([records[0], unknown, records[2], bad, records[4]]))
+    assert found["kind"].tolist() == [scan.GOOD, scan.UNKNOWN, scan.GOOD, scan.BAD_CRC, scan.GOOD]
     assert found["msgid"].tolist() == [30, 9_999_999, 30, 30, 30]
 
 
@@ -116,7 +116,7 @@ def test_a_frame_carried_inside_another_is_not_one():
     send = Sender()
     tunnel = send(dialect.MAVLink_tunnel_message(0, 0, 0, len(inner), payload))
     assert inner in tunnel
-    _, found = scan(send(attitude(0)) + tunnel + send(attitude(1)))
+    _, found = scanned(send(attitude(0)) + tunnel + send(attitude(1)))
     assert found["sysid"].tolist() == [1, 1, 1]
 
 
@@ -124,20 +124,20 @@ def test_second_link_is_marked_and_repeats_are_not():
     send = Sender()
     heartbeat = dialect.MAVLink_heartbeat_message(2, 3, 81, 0, 4, 3)
     records = [send(heartbeat if i % 2 else attitude(i)) for i in range(600)]
-    _, found = scan(b"".join(records))
+    _, found = scanned(b"".join(records))
     assert not found["duplicate"].any()
     late = [None] * 7 + records
     both = [part for pair in zip([*records, *[None] * 7], late, strict=True) for part in pair if part]
-    _, found = scan(b"".join(both))
+    _, found = scanned(b"".join(both))
     assert found["duplicate"].sum() == 600
     assert [i for i in found["seq"][~found["duplicate"]]] == [i % 256 for i in range(600)]
 
 
 def test_every_field_of_the_dialect_has_a_column():
-    from bridges.tlog import COMMON
+    from bridges.tlog.tlog import COMMON
 
     for msgid, message in dialect.mavlink_map.items():
-        layout = frames.dialect().layouts[msgid]
+        layout = scan.dialect().layouts[msgid]
         assert layout.itemsize == message.unpacker.size
         assert sorted(layout.names) == sorted(message.fieldnames)
         assert not set(layout.names) & set(COMMON.names)

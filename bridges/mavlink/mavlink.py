@@ -4,7 +4,7 @@ A heartbeat from a ground station arms an autopilot's failsafe, so nothing is ev
 request. The autopilot or its router must stream by itself. The one exception is ``udpout:``, where the other
 end only learns who listens from a datagram of ours: an empty one, once a second until the vehicle is heard.
 
-The same formulas and the same rules as for a log (``bridges/autopilot.py``), one message at a time.
+The same formulas and the same rules as for a log (``bridges/mavlink/autopilot.py``), one message at a time.
 """
 
 import socket
@@ -14,8 +14,8 @@ from threading import Event as Flag
 
 import numpy as np
 
-from bridges import autopilot
-from bridges.flightclock import US, LiveClock
+from bridges.mavlink import autopilot
+from bridges.mavlink.flightclock import US, LiveClock
 from gcs.messages import AirData, Bad, Event, InputError, InsMeasurement
 
 RETRY_S = 1.0  # between two attempts to open a link that was there

@@ -7,10 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bridges import autopilot, flightclock, frames, tlog_clock
-from bridges.flightclock import Boot
-from bridges.tlog import LogError, Tlog, Vehicle, choose, damage, vehicles
-from bridges.tlog_clock import Timeline
+from bridges.mavlink import autopilot, flightclock
+from bridges.mavlink.flightclock import Boot
+from bridges.tlog import clock, scan
+from bridges.tlog.clock import Timeline
+from bridges.tlog.tlog import LogError, Tlog, Vehicle, choose, damage, vehicles
 from gcs.messages import AIR, INS
 
 
@@ -37,7 +38,7 @@ def flight(log: Tlog, system_id: int | None = None) -> Flight:
     """
     there = vehicles(log)
     vehicle = choose(log, there, system_id)
-    timeline = tlog_clock.timeline(log, vehicle)
+    timeline = clock.timeline(log, vehicle)
     positions, before_fix = _positions(log, vehicle, timeline)
     told = positions[0]
     upward = autopilot.vz_is_upward(told["t_ns"], told["alt_msl_m"], told["vu_mps"])
@@ -53,7 +54,7 @@ def flight(log: Tlog, system_id: int | None = None) -> Flight:
     report = damage(log) | {
         "system_id": vehicle.system_id,
         "systems": {str(v.system_id): v.kind for v in there},
-        "boots": [tlog_clock.describe(boot) for boot in timeline.boots],
+        "boots": [clock.describe(boot) for boot in timeline.boots],
         "positions": positions[0].size,
         "positions_before_fix": before_fix,
         "positions_dead_reckoned": int(np.count_nonzero(told["dead_reckoned"])),
@@ -198,7 +199,7 @@ def _rows(t_ns: np.ndarray) -> np.ndarray:
 
 def _no_position(log: Tlog, vehicle: Vehicle, before_fix: int) -> str:
     own = (log.frames["sysid"] == vehicle.system_id) & (log.frames["compid"] == vehicle.component_id)
-    names = frames.dialect().names
+    names = scan.dialect().names
     has = ", ".join(sorted(names[i] for i in np.unique(log.msgid[own & (log.msgid >= 0)])))
     why = f"all {before_fix} are from before a GPS fix" if before_fix else "no GLOBAL_POSITION_INT from it"
     others = ", ".join(f"{v.system_id} ({v.kind})" for v in vehicles(log) if v != vehicle)

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridges import mavlink, tlog, tlog_flight
-from bridges.flightclock import MS, S
+from bridges.mavlink import mavlink
+from bridges.mavlink.flightclock import MS, S
+from bridges.tlog import flight as tlog_flight
+from bridges.tlog import tlog
 from gcs.messages import AIR, INS, AirData, Bad, Event, InsMeasurement, to_columns
 from tests.bridges import oracle
 from tests.bridges.flights import START_US, flight, packed, write

@@ -10,7 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bridges import autopilot, flightclock, frames
+from bridges.mavlink import autopilot, flightclock
+from bridges.tlog import scan
 from gcs.messages import InputError
 
 COMMON = np.dtype(
@@ -44,7 +45,7 @@ class Tlog(NamedTuple):
 
     path: Path
     data: np.ndarray  # (bytes,) uint8
-    frames: np.ndarray  # (n,) frames.FRAME, with the raw stamps
+    frames: np.ndarray  # (n,) scan.FRAME, with the raw stamps
     msgid: np.ndarray  # (n,) int32, -1 where the frame is of no use: unknown, damaged, a link's copy
     receipt_us: np.ndarray  # (n,) int64, repaired
     stamps_dropped: int
@@ -56,13 +57,13 @@ class Tlog(NamedTuple):
         number where the recorder writes one. Of one vehicle's autopilot if given. Raises KeyError for a name
         that is not in the dialect.
         """
-        msgid = frames.dialect().ids[name]
+        msgid = scan.dialect().ids[name]
         numbers = np.flatnonzero(self.msgid == msgid)
         if vehicle:
             numbers = numbers[self.frames["sysid"][numbers] == vehicle.system_id]
             numbers = numbers[self.frames["compid"][numbers] == vehicle.component_id]
         chosen = self.frames.take(numbers)  # of records, many times faster than an index
-        out = frames.payloads(self.data, chosen, msgid, COMMON)
+        out = scan.payloads(self.data, chosen, msgid, COMMON)
         out["frame_no"], out["receipt_us"] = numbers, self.receipt_us[numbers]
         out["sysid"], out["compid"], out["frame_seq"] = chosen["sysid"], chosen["compid"], chosen["seq"]
         out["link"] = chosen["receipt_us"] & 3
@@ -77,8 +78,8 @@ def read(path: str | Path) -> Tlog:
     data = np.fromfile(path, np.uint8)
     if not data.size:
         raise LogError(f"{path}: the file is empty; copy it again from the ground station")
-    found = frames.scan(data)
-    useful = (found["kind"] == frames.GOOD) & ~found["duplicate"]
+    found = scan.scan(data)
+    useful = (found["kind"] == scan.GOOD) & ~found["duplicate"]
     if not useful.any():
         raise LogError(f"{path}: no MAVLink frame in {data.size} bytes; is this a .tlog?")
     receipt_us, dropped = flightclock.repair_stamps(found["receipt_us"])
@@ -112,16 +113,16 @@ def choose(log: Tlog, there: list[Vehicle], system_id: int | None = None) -> Veh
 
 def damage(log: Tlog) -> dict:
     """What is wrong with the file, in numbers."""
-    kind, size = log.frames["kind"], frames.sizes(log.data, log.frames)
-    stamps = np.count_nonzero(log.frames["receipt_us"] >= 0) * frames.STAMP
-    names = frames.dialect().names
+    kind, size = log.frames["kind"], scan.sizes(log.data, log.frames)
+    stamps = np.count_nonzero(log.frames["receipt_us"] >= 0) * scan.STAMP
+    names = scan.dialect().names
     return {
         "bytes": log.data.size,
         "bytes_skipped": int(log.data.size - size.sum() - stamps),
         "bytes_after_last_frame": int(log.data.size - log.frames["offset"][-1] - size[-1]),
-        "frames": int(np.count_nonzero(kind == frames.GOOD)),
-        "frames_bad_crc": {names[i]: n for i, n in _counts(log, kind == frames.BAD_CRC)},
-        "frames_unknown": {str(i): n for i, n in _counts(log, kind == frames.UNKNOWN)},
+        "frames": int(np.count_nonzero(kind == scan.GOOD)),
+        "frames_bad_crc": {names[i]: n for i, n in _counts(log, kind == scan.BAD_CRC)},
+        "frames_unknown": {str(i): n for i, n in _counts(log, kind == scan.UNKNOWN)},
         "frames_duplicate": int(np.count_nonzero(log.frames["duplicate"])),
         "stamps_dropped": log.stamps_dropped,
     }

@@ -4,9 +4,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bridges import autopilot, flightclock, frames
-from bridges.flightclock import Boot
-from bridges.tlog import Tlog, Vehicle
+from bridges.mavlink import autopilot, flightclock
+from bridges.mavlink.flightclock import Boot
+from bridges.tlog import scan
+from bridges.tlog.tlog import Tlog, Vehicle
 
 
 class Timeline(NamedTuple):
@@ -52,8 +53,8 @@ def _within(boot: Boot, frame_no: np.ndarray) -> np.ndarray:
 
 def timeline(log: Tlog, vehicle: Vehicle) -> Timeline:
     """Boot by boot: tie boot time to UTC, then the receiver's clock to both."""
-    boot_ms = frames.boot_times(
-        log.data, log.frames, frames.dialect().boot_ms_at, vehicle.system_id, vehicle.component_id
+    boot_ms = scan.boot_times(
+        log.data, log.frames, scan.dialect().boot_ms_at, vehicle.system_id, vehicle.component_id
     )
     number = np.flatnonzero(boot_ms >= 0)
     if not number.size:

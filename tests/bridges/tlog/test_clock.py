@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridges import tlog, tlog_flight
-from bridges.flightclock import MS, S
+from bridges.mavlink.flightclock import MS, S
+from bridges.tlog import flight as tlog_flight
+from bridges.tlog import tlog
 from tests.bridges.flights import START_US, flight, packed, positions, write
 
 
