@@ -28,7 +28,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from gcs.messages import POLAR, Bad, InputError, PolarMeasurement
+from gcs.contract.messages import POLAR, Bad, InputError, PolarMeasurement
 
 LIMITS = {
     "range_m": (0.0, 1e7),  # farther than any flight test

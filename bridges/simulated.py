@@ -26,7 +26,7 @@ import numpy as np
 
 from bridges import feed
 from filters.simulation import scenario, simulate
-from gcs.messages import CHANNELS, POLAR, InputError
+from gcs.contract.messages import CHANNELS, POLAR, InputError
 
 TRUTH = np.dtype([("t_ns", "i8"), ("lat_deg", "f8"), ("lon_deg", "f8"), ("alt_m", "f8")])
 COLUMNS = {"range_m": 3, "azimuth_deg": 6, "elevation_deg": 6, "range_rate_mps": 3}  # decimals in files

@@ -14,14 +14,14 @@ MAY_IMPORT = {
     "filters": {"filters"},
     "bridges": {
         "bridges",
-        "gcs.messages",
-        "gcs.bus",
+        "gcs.contract.messages",
+        "gcs.contract.bus",
         "filters.simulation",
     },
-    "web": {"web", "gcs.messages", "gcs.bus"},
+    "web": {"web", "gcs.contract.messages", "gcs.contract.bus"},
 }
 ONLY_IN = {
-    "zenoh": {"gcs/bus.py"},
+    "zenoh": {"gcs/contract/bus.py"},
     "viser": {"web/"},
     "torch": {"filters/correction/train.py"},
     "pymavlink": {"bridges/"},
@@ -60,7 +60,7 @@ def test_imports_go_downward(path):
 def test_commands_start_light():
     """What a command may not need is imported late: these cost seconds."""
     heavy = {"torch", "viser", "zenoh", "numba", "filterpy", "pymavlink", "pymap3d"}
-    code = f"import sys, gcs.cli; print(*sorted(set(sys.modules) & {heavy}))"
+    code = f"import sys, gcs.commands.cli; print(*sorted(set(sys.modules) & {heavy}))"
     loaded = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT
     )
@@ -69,7 +69,7 @@ def test_commands_start_light():
 
 def test_vocabulary_and_filters_agree():
     from filters.models import rows
-    from gcs import messages
+    from gcs.contract import messages
 
     assert rows.CHANNELS == messages.CHANNELS
     assert rows.VERDICTS == messages.VERDICTS

@@ -4,7 +4,7 @@ import numpy as np
 import viser
 import viser.transforms
 
-from gcs.messages import State
+from gcs.contract.messages import State
 from web import colours, glyphs
 
 SIZE, ELLIPSOID = 0.08, 0.025  # wing span and least ellipsoid as a share of the camera's distance

@@ -5,7 +5,7 @@ from collections import defaultdict
 import numpy as np
 import viser
 
-from gcs.messages import Scene, State, Verdict
+from gcs.contract.messages import Scene, State, Verdict
 from web import colours, glyphs
 from web.aircraft import Aircraft
 from web.camera import Cameras

@@ -12,7 +12,7 @@ from collections import deque
 
 import viser
 
-from gcs.messages import Event, Health, InputError, Scene, State, Verdict, Wind
+from gcs.contract.messages import Event, Health, InputError, Scene, State, Verdict, Wind
 from web import colours, panel
 from web.controls import Playback, Player
 from web.scene import LAYERS, Picture

@@ -16,7 +16,7 @@ import numpy as np
 
 from bridges.mavlink import autopilot
 from bridges.mavlink.flightclock import US, LiveClock
-from gcs.messages import AirData, Bad, Event, InputError, InsMeasurement
+from gcs.contract.messages import AirData, Bad, Event, InputError, InsMeasurement
 
 RETRY_S = 1.0  # between two attempts to open a link that was there
 SILENT_S = 5.0  # a link without the vehicle for so long is reported

@@ -12,7 +12,7 @@ from bridges.mavlink.flightclock import Boot
 from bridges.tlog import clock, scan
 from bridges.tlog.clock import Timeline
 from bridges.tlog.tlog import LogError, Tlog, Vehicle, choose, damage, vehicles
-from gcs.messages import AIR, INS
+from gcs.contract.messages import AIR, INS
 
 
 class Flight(NamedTuple):
@@ -20,13 +20,13 @@ class Flight(NamedTuple):
 
     vehicle: Vehicle
     boots: list[Boot]
-    rows: np.ndarray  # (n,) gcs.messages.INS by arrival
-    air: np.ndarray  # (m,) gcs.messages.AIR in order of time
+    rows: np.ndarray  # (n,) gcs.contract.messages.INS by arrival
+    air: np.ndarray  # (m,) gcs.contract.messages.AIR in order of time
     report: dict  # for summary.json
 
 
 def ins(log: Tlog, system_id: int | None = None) -> np.ndarray:
-    """(n,) gcs.messages.INS of one vehicle, by arrival. Raises LogError as ``flight``."""
+    """(n,) gcs.contract.messages.INS of one vehicle, by arrival. Raises LogError as ``flight``."""
     return flight(log, system_id).rows
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from bridges.mavlink import autopilot, flightclock
 from bridges.tlog import scan
-from gcs.messages import InputError
+from gcs.contract.messages import InputError
 
 COMMON = np.dtype(
     [

@@ -13,8 +13,8 @@ from gcs.bench import table
 from gcs.bench.cases import CASES
 from gcs.bench.measure import METHODS, measure
 from gcs.bench.scene import Case
-from gcs.console import say
-from gcs.messages import InputError
+from gcs.contract.messages import InputError
+from gcs.outputs.console import say
 
 FIRST_SEED = 10_000  # those below serve for tuning
 

@@ -12,9 +12,9 @@ from typing import NamedTuple
 from gcs.bench import table
 from gcs.bench.accuracy import FIRST_SEED
 from gcs.bench.screening import POINTS
-from gcs.console import say
-from gcs.messages import InputError
-from gcs.record import stamp
+from gcs.contract.messages import InputError
+from gcs.outputs.console import say
+from gcs.outputs.record import stamp
 
 RECORDED = Path("../shared/data")
 NEEDED = ("torch", "pywt", "matplotlib")

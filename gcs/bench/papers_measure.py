@@ -4,7 +4,6 @@ from pathlib import Path
 
 import numpy as np
 
-from gcs import train as training
 from gcs.bench import baselines_m1 as baselines
 from gcs.bench import (
     joined,
@@ -23,7 +22,8 @@ from gcs.bench.accuracy import FIRST_SEED
 from gcs.bench.papers import Counts
 from gcs.bench.papers_m1 import FIRST_OUTLIER
 from gcs.bench.papers_report import Drawn
-from gcs.console import say
+from gcs.learning import training
+from gcs.outputs.console import say
 
 LEVELS = ("hover", "normal")
 SIZES = (screening.SIZE, screening.SMALLER)

@@ -9,9 +9,9 @@ import numpy as np
 
 from filters.correction import correction, train
 from filters.window.estimator import Settings
-from gcs import network, training
-from gcs import train as command
 from gcs.bench.accuracy import FIRST_SEED
+from gcs.learning import dataset, network
+from gcs.learning import training as command
 
 CALLS, REPEATS = 500, 200
 
@@ -19,14 +19,14 @@ CALLS, REPEATS = 500, 200
 def measure(flights: int, unseen: int, say: Callable[[str], None]) -> dict:
     """Train as ``gcs train`` does on ``flights``; try it on ``unseen`` others, each with a range of its own.
 
-    Returns {training_s, inference_us, compiled_us, installed, total as of `gcs.train.total`}.
+    Returns {training_s, inference_us, compiled_us, installed, total as of `gcs.learning.training.total`}.
     """
     with TemporaryDirectory() as folder:
         begin_s = time.monotonic()
         installed = command.run(Path(folder), flights, [], train.Plan(), Settings(), 0, None, say)
         training_s = time.monotonic() - begin_s
         net = network.load(Path(folder) / "network.json")
-    flown = [training.simulated(FIRST_SEED + k, Settings()) for k in range(unseen)]
+    flown = [dataset.simulated(FIRST_SEED + k, Settings()) for k in range(unseen)]
     per_call_us, compiled_us = inference(net, flown[0].u)
     return {
         "training_s": training_s,

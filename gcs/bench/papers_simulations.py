@@ -6,7 +6,6 @@ from typing import NamedTuple
 import numpy as np
 
 from filters.correction import correction, train
-from gcs import train as training  # the command's split, gains and report
 from gcs.bench import baselines_m1 as baselines
 from gcs.bench.accuracy import FIRST_SEED
 from gcs.bench.papers_m1 import (
@@ -21,7 +20,8 @@ from gcs.bench.papers_m1 import (
     fly,
     m1_ukf,
 )
-from gcs.training import Flown
+from gcs.learning import training  # the command's split, gains and report
+from gcs.learning.dataset import Flown
 
 LEARN_SEED, LEARN_RUNS, GROUP = (
     7,

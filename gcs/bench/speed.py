@@ -10,7 +10,7 @@ from filters.simulation import scenario, simulate
 from gcs.bench import table
 from gcs.bench.peers import PEERS, Task
 from gcs.bench.scene import RATE_HZ, STANDARD, Case, fly, sensor
-from gcs.console import say
+from gcs.outputs.console import say
 
 SEED = 10_000
 BATCH_S = 1.0  # of data in one step of a replay

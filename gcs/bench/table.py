@@ -8,7 +8,7 @@ from rich.console import Console
 from rich.table import Table
 
 from gcs import __version__
-from gcs.record import stamp
+from gcs.outputs.record import stamp
 
 WIDE = 180  # columns where there is no terminal
 COLUMNS = {

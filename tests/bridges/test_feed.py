@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from bridges import feed
-from gcs.messages import POLAR, Bad, PolarMeasurement
+from gcs.contract.messages import POLAR, Bad, PolarMeasurement
 from tests.bridges.fake import FakeBus
 
 HEADER = "t,range_m,azimuth_deg,elevation_deg\n"

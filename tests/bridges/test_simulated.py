@@ -15,7 +15,7 @@ from bridges import feed, simulated
 from bridges.tlog import flight as tlog_flight
 from bridges.tlog import tlog
 from filters.simulation import simulate
-from gcs.messages import InputError, PolarMeasurement
+from gcs.contract.messages import InputError, PolarMeasurement
 from tests.bridges.fake import FakeBus
 
 SAMPLE = Path(__file__).parents[2] / "logs" / "sample"

@@ -24,8 +24,8 @@ from pathlib import Path
 import pymap3d
 import zenoh
 
-from gcs.bus import Bus
-from gcs.messages import InsMeasurement, PolarMeasurement, State
+from gcs.contract.bus import Bus
+from gcs.contract.messages import InsMeasurement, PolarMeasurement, State
 
 ENDPOINT = "tcp/127.0.0.1:17447"
 ORIGIN = (-35.363261, 149.16523, 584.0)

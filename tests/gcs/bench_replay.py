@@ -24,9 +24,10 @@ from bridges.tlog import flight as tlog_flight
 from bridges.tlog import tlog
 from filters.models.rows import AZIMUTH, ELEVATION, TRACK
 from filters.window import estimator
-from gcs import config, replay
-from gcs.record import Record
-from gcs.session import Session
+from gcs.contract import config
+from gcs.outputs.record import Record
+from gcs.station import replay
+from gcs.station.session import Session
 from tests.filters import full_ukf
 
 SAMPLE = Path(__file__).resolve().parents[2] / "logs" / "sample"

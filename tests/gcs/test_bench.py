@@ -12,7 +12,7 @@ from gcs.bench import accuracy, peers, score, speed
 from gcs.bench.cases import CASES, WRONG
 from gcs.bench.measure import follow, make, measure
 from gcs.bench.scene import Case, Flight, Patch, fly
-from gcs.messages import InputError
+from gcs.contract.messages import InputError
 
 SECONDS = 15.0
 SEEDS = range(5, 8)

@@ -10,7 +10,7 @@ from bridges.mavlink import mavlink
 from bridges.mavlink.flightclock import MS, S
 from bridges.tlog import flight as tlog_flight
 from bridges.tlog import tlog
-from gcs.messages import AIR, INS, AirData, Bad, Event, InsMeasurement, to_columns
+from gcs.contract.messages import AIR, INS, AirData, Bad, Event, InsMeasurement, to_columns
 from tests.bridges import oracle
 from tests.bridges.flights import START_US, flight, packed, write
 

@@ -13,7 +13,7 @@ image = pytest.importorskip("matplotlib.image")
 from filters.correction import train  # noqa: E402
 from gcs.bench import papers, papers_convergence, papers_simulations, show_m2  # noqa: E402
 from gcs.bench.papers_report import Drawn, Grid, Line, terminal, write  # noqa: E402
-from gcs.messages import InputError  # noqa: E402
+from gcs.contract.messages import InputError  # noqa: E402
 
 FEW = papers.Counts(
     runs=4, lessons=75, tuning=1, trainings=1, theodolites=1, flights=5, unseen=1, winds=4, records=1,
