@@ -13,9 +13,9 @@ test: .venv/test
 	$(BIN)/python -m pytest
 
 bench: .venv/test
-	$(BIN)/gcs bench accuracy
-	$(BIN)/gcs bench speed
-	$(BIN)/gcs bench papers
+	$(BIN)/python -m bench accuracy
+	$(BIN)/python -m bench speed
+	$(BIN)/python -m bench papers
 
 format: .venv/test
 	$(BIN)/ruff check --fix .

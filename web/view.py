@@ -14,7 +14,7 @@ import viser
 
 from gcs.contract.messages import Event, Health, InputError, Scene, State, Verdict, Wind
 from web import colours, panel
-from web.controls import Playback, Player
+from web.controls import Playable, Player
 from web.scene import LAYERS, Picture
 
 QUEUE = 200_000  # messages; at more than a million a minute the oldest are skipped, counted and shown
@@ -31,7 +31,7 @@ class ViewError(InputError):
 class View:
     """A page with the picture and the panel. With ``playback`` it also steers a replay."""
 
-    def __init__(self, scene: Scene, *, port: int = 8080, playback: Playback | None = None):
+    def __init__(self, scene: Scene, *, port: int = 8080, playback: Playable | None = None):
         with _hush():
             self._server = viser.ViserServer(host="127.0.0.1", port=port, label="gcs", verbose=False)
         if self._server.get_port() != port:  # viser quietly takes the next free one
@@ -89,7 +89,7 @@ class View:
         )
         self._picture.aircraft.set_dark(dark)
 
-    def _build_panel(self, playback: Playback | None) -> None:
+    def _build_panel(self, playback: Playable | None) -> None:
         gui = self._server.gui
         self._status = gui.add_html("")
         self._player = Player(gui, playback) if playback else None

@@ -24,7 +24,7 @@ TURN_DEG = 5.0  # an instrument that disagrees with the aircraft by more than th
 READ_FEED = {"theodolite": theodolite.read, "radar": radar.read}
 
 
-class Flight(NamedTuple):
+class MeasuredFlight(NamedTuple):
     """Everything that was measured, still in input units."""
 
     frame: Frame
@@ -36,7 +36,7 @@ class Flight(NamedTuple):
     end_ns: int
 
 
-def load(log: Path, station: Station, feeds: dict[str, Path]) -> Flight:
+def load(log: Path, station: Station, feeds: dict[str, Path]) -> MeasuredFlight:
     """Read a flight. Raises ``InputError`` with one line that says which file, where and what to do."""
     kinds = {sensor.name: sensor.kind for sensor in station.sensor}
     for name in feeds:
@@ -55,10 +55,10 @@ def load(log: Path, station: Station, feeds: dict[str, Path]) -> Flight:
     for sensor in station.sensor:
         if sensor.name in measured and len(measured[sensor.name][0]):
             _check_feed(feeds[sensor.name], measured[sensor.name][0], seen, frame.place(sensor.position))
-    return Flight(frame, ins, own.air, measured, {"log": own.report}, start_ns, end_ns)
+    return MeasuredFlight(frame, ins, own.air, measured, {"log": own.report}, start_ns, end_ns)
 
 
-def batch(flight: Flight, intake: Intake) -> Batch:
+def batch(flight: MeasuredFlight, intake: Intake) -> Batch:
     """All of a flight's values in order of valid time; those outside the flight are complained of."""
     parts = [intake.ins(flight.ins)]
     for name, (measured, bads) in flight.feeds.items():
@@ -135,7 +135,7 @@ class Playback:
         self._from_s, self._from_ns = time.monotonic(), self.now_ns
 
 
-def run(flight: Flight, new_session: Callable[[], Session], playback: Playback, stay: bool) -> dict:
+def run(flight: MeasuredFlight, new_session: Callable[[], Session], playback: Playback, stay: bool) -> dict:
     """Play a flight through; ``stay``: at its end wait for another seek. Returns the last summary."""
     while True:
         session = new_session()

@@ -15,7 +15,7 @@ from tests.bridges import oracle
 from tests.bridges.flights import START_US, flight, packed, write
 
 
-class FakeBus:
+class SortingBus:
     """Keeps what is published."""
 
     def __init__(self):
@@ -230,7 +230,7 @@ def listen():
     stop, threads = threading.Event(), []
 
     def start(link):
-        bus = FakeBus()
+        bus = SortingBus()
         threads.append(threading.Thread(target=mavlink.run, args=(link, 1, bus, stop)))
         threads[-1].start()
         return bus
@@ -316,7 +316,7 @@ def test_link_that_is_not_there_yet_is_told_and_tried_again(listen, monkeypatch)
 )
 def test_addresses_that_are_none(link, says):
     with pytest.raises(mavlink.LinkError, match=says):
-        mavlink.run(link, 1, FakeBus(), threading.Event())
+        mavlink.run(link, 1, SortingBus(), threading.Event())
 
 
 def test_port_in_use():
@@ -324,4 +324,4 @@ def test_port_in_use():
         other.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         other.bind(("127.0.0.1", 0))
         with pytest.raises(mavlink.LinkError, match="another ground station"):
-            mavlink.run(f"udpin:127.0.0.1:{other.getsockname()[1]}", 1, FakeBus(), threading.Event())
+            mavlink.run(f"udpin:127.0.0.1:{other.getsockname()[1]}", 1, SortingBus(), threading.Event())

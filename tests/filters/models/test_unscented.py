@@ -73,7 +73,7 @@ def test_a_whole_flight_equals_filterpy():
     x0 = np.array([0, 0, 120.0, 0, 0, 0, 0, 0, 0])
     P0 = np.diag(np.repeat([400.0, 400.0, 25.0], 3))
 
-    class Redrawing(UnscentedKalmanFilter):
+    class RedrawingUkf(UnscentedKalmanFilter):
         """filterpy keeps sigma points between sequential updates; the textbook draws them again."""
 
         def update(self, *args, **kwargs):
@@ -81,7 +81,7 @@ def test_a_whole_flight_equals_filterpy():
             super().update(*args, **kwargs)
 
     points = MerweScaledSigmaPoints(9, 1.0, 0.0, -6.0)
-    theirs = Redrawing(9, 1, 1.0, hx=None, fx=lambda x, dt: full_ukf.transition(dt)[0] @ x, points=points)
+    theirs = RedrawingUkf(9, 1, 1.0, hx=None, fx=lambda x, dt: full_ukf.transition(dt)[0] @ x, points=points)
     theirs.x, theirs.P = x0.copy(), P0.copy()
     out = window.trace(len(rows), 9, len(rows))
     x, P = x0.copy(), P0.copy()

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
+from bench import cases, scene
 from filters.models.rows import AZIMUTH
 from filters.screening import screening
 from filters.screening.witness import Nobody, Witness
 from filters.simulation import simulate
-from gcs.bench import cases, scene
 
 CASE = next(case for case in cases.CASES if case.name == "4 %")
 

@@ -12,7 +12,7 @@ WIND = np.array([6.1, -5.1])  # east, north
 S_NS = 1_000_000_000
 
 
-class Air(NamedTuple):
+class FlownAir(NamedTuple):
     """n samples at 10 Hz."""
 
     t_ns: np.ndarray
@@ -24,7 +24,7 @@ class Air(NamedTuple):
 
 def fly(
     seed=0, seconds=240.0, level="normal", gust=0.8, noise=1.0, scale=1.0, heading=0.0, front=None
-) -> Air:
+) -> FlownAir:
     """A flight of the scenario generator through moving air; ``front`` is added to the wind at half time."""
     rng = np.random.default_rng(seed)
     air = scenario.flight(seconds, 20.0, level, rng)
@@ -42,10 +42,10 @@ def fly(
     position = np.cumsum(velocity[:, :2] * 0.05, axis=0)
     velocity = velocity + noise * rng.normal(0.0, 0.1, (n, 3))
     columns = np.round(air.t_s * 1e9).astype(np.int64) + S_NS, tas, attitude, velocity, position
-    return Air(*(column[::2] for column in columns))
+    return FlownAir(*(column[::2] for column in columns))
 
 
-def follow(air: Air, coordinated=True, settings=None) -> tuple[WindEstimator, list]:
+def follow(air: FlownAir, coordinated=True, settings=None) -> tuple[WindEstimator, list]:
     estimator = WindEstimator(settings or WindSettings(), coordinated)
     return estimator, [estimator.step(*sample) for sample in zip(*air[:4], strict=True)]
 

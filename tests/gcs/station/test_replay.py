@@ -19,7 +19,9 @@ SAMPLE = Path(__file__).resolve().parents[3] / "logs" / "sample"
 FEEDS = {name: SAMPLE / f"{name}.csv" for name in ("theo-north", "theo-east", "radar-1")}
 
 
-def play(out: Path, feeds: dict[str, Path], step_ns: int = replay.STEP_NS) -> tuple[replay.Flight, dict]:
+def play(
+    out: Path, feeds: dict[str, Path], step_ns: int = replay.STEP_NS
+) -> tuple[replay.MeasuredFlight, dict]:
     """Replay the sample flight into ``out``, ``step_ns`` of data at a time."""
     station = config.load(SAMPLE / "station.toml")
     flight = replay.load(SAMPLE / "flight.tlog", station, feeds)
