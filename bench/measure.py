@@ -9,8 +9,10 @@ from bench import score
 from bench.scene import Case, SimulatedFlight, first_instrument, fly
 from filters import methods as named
 from filters.baselines import baselines
+from filters.models.rows import Sensor
 from filters.simulation import simulate
 from filters.window import estimator
+from filters.window.estimator import Estimator
 
 METHODS = (*named.METHODS, *baselines.PSD_FACTORS)
 LATE_S, ARRIVAL_S = 0.8, 0.1  # largest delay; arrivals are handed over so often
@@ -34,15 +36,17 @@ class MethodRun(NamedTuple):
     report: dict
 
 
-def make(method: str, sensors):
+def make(method: str, sensors: Sequence[Sensor]) -> Estimator | baselines.Baseline:
     """One of METHODS."""
     if method in baselines.PSD_FACTORS:
         return baselines.make(method, sensors, estimator.Settings())
     return named.make(method, sensors)
 
 
-def follow(one, rows: np.ndarray, ends: np.ndarray | None = None) -> MethodRun:
-    """MethodRun ``rows`` through a fresh estimator, all at once or in the parts that stop at ``ends``."""
+def follow(
+    one: Estimator | baselines.Baseline, rows: np.ndarray, ends: np.ndarray | None = None
+) -> MethodRun:
+    """Run ``rows`` through a fresh estimator, all at once or in the parts that stop at ``ends``."""
     steps = [one.step(part) for part in (np.split(rows, ends) if ends is not None else [rows])]
     steps.append(one.finish())
     track, left, verdicts = (np.concatenate(column) for column in zip(*steps, strict=True))

@@ -8,6 +8,7 @@ import numpy as np
 
 from filters.models.rows import Sensor
 from filters.simulation import scenario, simulate
+from filters.simulation.simulate import LongPatch
 
 RATE_HZ = 20.0
 SITES_M = {
@@ -133,6 +134,8 @@ def _add_patches(patch: Patch, truth, sensors, seen, rng) -> list[tuple[float, f
             columns = np.flatnonzero(np.isfinite(sigma))
             if patch.channels == "one":
                 columns = rng.choice(columns, 1)
-            seen[k] = simulate.patch(seen[k], sigma, patch.kind, start_s, length_s, rng, tuple(columns))
+            seen[k] = simulate.patch(
+                seen[k], sigma, LongPatch(patch.kind, start_s, length_s, tuple(columns)), rng
+            )
         spans_s.append((start_s, start_s + length_s))
     return spans_s

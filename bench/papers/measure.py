@@ -88,10 +88,10 @@ def m3(counts: Counts) -> tuple[dict, list[Drawn]]:
         for regular in (False, True):
             case = f"outliers of {size[0]:g} to {size[1]:g} σ, {'regular' if regular else 'irregular'} runs"
             say(f"screening, {case}")
-            scores = screening.table(counts.records, size, regular)
+            scores = screening.table(counts.records, size, regular=regular)
             alone.append({"case": case, "scores": {name: _plain(one) for name, one in scores.items()}})
             seeds = range(FIRST_SEED, FIRST_SEED + counts.joined)
-            found = [joined.joined(seed, size, regular, counts.points) for seed in seeds]
+            found = [joined.joined(seed, size, counts.points, regular=regular) for seed in seeds]
             both.append({"case": case, "seeds": len(found)} | _means(found))
     drawn = [
         Drawn(

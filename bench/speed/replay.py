@@ -22,7 +22,7 @@ from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter
 from bridges import simulated
 from bridges.tlog import flight as tlog_flight
 from bridges.tlog import tlog
-from filters.models.rows import AZIMUTH, ELEVATION, TRACK
+from filters.models.rows import AZIMUTH, ELEVATION, TRACK, Sensor
 from filters.window import estimator
 from gcs.contract import config
 from gcs.outputs.record import Record
@@ -38,7 +38,7 @@ RUNS = 3
 SETTLED_S = 5.0  # errors are counted from here on: the start is a fix, not yet a filter
 
 
-def make_feeds(log: Path, truth: Path, folder: Path, clean: bool) -> dict[str, Path]:
+def make_feeds(log: Path, truth: Path, folder: Path, *, clean: bool) -> dict[str, Path]:
     """Three feeds for a whole flight."""
     instruments = simulated.instruments_of(SAMPLE / "station.toml")
     share = 0.0 if clean else simulated.OUTLIER_SHARE
@@ -108,7 +108,7 @@ def accuracy(log: Path, truth: Path) -> None:
         )
 
 
-def filterpy_track(sensors, rows: np.ndarray) -> np.ndarray:
+def filterpy_track(sensors: list[Sensor], rows: np.ndarray) -> np.ndarray:
     """(k,) TRACK of filterpy's filter: p, v, a and the INS position bias; every row used."""
     settings = estimator.Settings()
     n, bias = 12, slice(9, 12)

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from bench import table
-from bench.scene import RATE_HZ, STANDARD, Case, fly, sensor
+from bench.scene import RATE_HZ, STANDARD, Case, SimulatedFlight, fly, sensor
 from bench.speed.peers import PEERS, Task
 from filters import methods
 from filters.simulation import scenario, simulate
@@ -64,7 +64,7 @@ def compare(work: Task, repeats: int) -> dict[str, dict]:
     return out
 
 
-def live(flight) -> dict[str, float]:
+def live(flight: SimulatedFlight) -> dict[str, float]:
     """Every measurement in a step of its own, as a station gets them: microseconds, Python included."""
     one = methods.make("default", flight.sensors)
     one.warm_up()
@@ -81,7 +81,7 @@ def live(flight) -> dict[str, float]:
     }  # fmt: skip
 
 
-def replay(flight) -> float:
+def replay(flight: SimulatedFlight) -> float:
     """Seconds for the whole flight, in batches, and its best estimate."""
     one = methods.make("default", flight.sensors)
     one.warm_up()

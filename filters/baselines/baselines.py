@@ -24,6 +24,7 @@ from filters.models.unscented import difference
 from filters.models.update import update
 from filters.window import outlier, passes, start
 from filters.window import report as reports
+from filters.window.estimator import Settings
 
 IMQ_SIGMAS = 3.0  # c: a value so far off has half its weight; 2 to 4 make little difference
 SOFT_GATE = 3.0  # sigmas of the innovation
@@ -32,10 +33,10 @@ PSD_FACTORS = {"wolf": (1.0,), "imm": (0.1, 3.0)}  # times the estimator's jerk 
 START_NS = 1_000_000_000  # rows so far apart may still make a fix together; the first track comes after it
 
 
-def make(method: str, sensors: Sequence[Sensor], settings) -> "Baseline":
-    """One of PSD_FACTORS; of ``settings`` (estimator.Settings) the motion and the INS errors count."""
+def make(method: str, sensors: Sequence[Sensor], settings: Settings) -> "Baseline":
+    """One of PSD_FACTORS; of ``settings`` the motion and the INS errors count."""
     model = models.build(sensors, settings.jerk_psd, settings.ins_bias_sigma_m, settings.ins_bias_tau_s)
-    return Baseline(sensors, model, settings.jerk_psd * np.array(PSD_FACTORS[method]), method == "wolf")
+    return Baseline(sensors, model, settings.jerk_psd * np.array(PSD_FACTORS[method]), imq=method == "wolf")
 
 
 class Mind(NamedTuple):
@@ -49,7 +50,7 @@ class Mind(NamedTuple):
 class Baseline:
     """The interface of `Estimator`: step, finish, smooth, report."""
 
-    def __init__(self, sensors: Sequence[Sensor], model: models.Model, jerk_psd: np.ndarray, imq: bool):
+    def __init__(self, sensors: Sequence[Sensor], model: models.Model, jerk_psd: np.ndarray, *, imq: bool):
         self.sensors, self.model = tuple(sensors), model
         self._jerk_psd, self._imq = jerk_psd, imq
         self._waiting = np.zeros(0, ROW)

@@ -4,6 +4,7 @@ Every function takes k networks at once, as weights in a row (k, l), and runs th
 where there is one. The only place that knows torch.
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -58,7 +59,13 @@ def genetic_start(u: np.ndarray, e: np.ndarray, plan: Plan, seed: int) -> ga.Evo
     return ga.evolve(fitness, starts, plan.generations, rng, ga.SELECTIONS[plan.selection])
 
 
-def backpropagate(starts, fit: tuple, check: tuple, plan: Plan, progress=lambda epoch: None) -> Trained:
+def backpropagate(
+    starts: np.ndarray,
+    fit: tuple[np.ndarray, np.ndarray],
+    check: tuple[np.ndarray, np.ndarray],
+    plan: Plan,
+    progress: Callable[[int], None] = lambda epoch: None,
+) -> Trained:
     """Train k networks from ``starts`` (k, l) on ``fit``, each kept at its best epoch on ``check``.
 
     ``fit`` and ``check`` are (u, e) as from `correction.samples`; ``progress`` is told every epoch.

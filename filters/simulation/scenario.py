@@ -47,7 +47,11 @@ RADIUS_M = 1500.0  # farther out, every leg becomes a turn towards home
 
 
 def flight(
-    seconds: float, rate_hz: float, manoeuvre: str, rng: np.random.Generator, start=(0.0, 0.0, 120.0)
+    seconds: float,
+    rate_hz: float,
+    manoeuvre: str,
+    rng: np.random.Generator,
+    start: tuple[float, float, float] = (0.0, 0.0, 120.0),
 ) -> Truth:
     """A flight of one of ``LEVELS`` around the station origin, ``rate_hz`` at least 20."""
     if manoeuvre not in LEVELS:
@@ -96,7 +100,7 @@ def _legs(n: int, dt_s: float, level: Level, rng) -> np.ndarray:
     return commands
 
 
-def gauss_markov(n: int, dt_s: float, tau_s: float, sigma: float, rng) -> np.ndarray:
+def gauss_markov(n: int, dt_s: float, tau_s: float, sigma: float, rng: np.random.Generator) -> np.ndarray:
     """(n, 3) first-order Gauss-Markov process in balance: x ← e^(−dt/τ) x + σ √(1 − e^(−2dt/τ)) ξ."""
     return _decay(rng.normal(0.0, sigma, (n, 3)), np.exp(-dt_s / tau_s))
 

@@ -90,7 +90,14 @@ def instrument(
     return measure(t_s, clean, sensor.sigma[POLAR_CHANNELS], rng, errors, t0_ns)
 
 
-def measure(t_s, clean, sigma, rng, errors: InstrumentErrors = NO_ERRORS, t0_ns: int = T0_NS) -> Observation:
+def measure(
+    t_s: np.ndarray,
+    clean: np.ndarray,
+    sigma: np.ndarray,
+    rng: np.random.Generator,
+    errors: InstrumentErrors = NO_ERRORS,
+    t0_ns: int = T0_NS,
+) -> Observation:
     """Noise, zero errors and the clock on top of true ``clean`` (m, 4) at the valid times ``t_s`` (m,)."""
     values = clean + errors.zero + rng.normal(size=clean.shape) * sigma
     stamps = t_s + errors.clock_offset_s + rng.normal(0.0, errors.jitter_s, len(t_s))
@@ -163,22 +170,25 @@ def _add_isolated(values, labels, sigma, rng, wanted, size):
             wanted -= 1
 
 
+class LongPatch(NamedTuple):
+    """Seconds of wrong values."""
+
+    kind: str  # of PATCH_KINDS
+    start_s: float  # since t0_ns
+    duration_s: float
+    channels: tuple[int, ...] | None = None  # columns; None: all
+    size: float = 30.0  # sigmas
+
+
 def patch(
-    seen: Observation,
-    sigma: np.ndarray,
-    kind: str,
-    start_s: float,
-    duration_s: float,
-    rng: np.random.Generator,
-    channels: tuple[int, ...] | None = None,
-    size: float = 30.0,
-    t0_ns: int = T0_NS,
+    seen: Observation, sigma: np.ndarray, what: LongPatch, rng: np.random.Generator, t0_ns: int = T0_NS
 ) -> Observation:
-    """One long patch of ``PATCH_KINDS`` in ``channels`` (columns; all by default), ``size`` in sigmas.
+    """One long patch in what was ``seen``; ``sigma`` (c,) is the noise. Raises ValueError for another kind.
 
     offset: constant error, both ends a jump. ramp: a tracker sliding off, zero to ``size``, back in a jump.
     frozen: the last good value again and again. noise: errors of 1-sigma ``size``.
     """
+    kind, start_s, duration_s, channels, size = what
     if kind not in PATCH_KINDS:
         raise ValueError(f"patch kind {kind!r}: choose one of {', '.join(PATCH_KINDS)}")
     values, labels = seen.values.copy(), seen.labels.copy()
@@ -217,7 +227,9 @@ def rows(observations: list[Observation]) -> tuple[np.ndarray, np.ndarray]:
     return joined, labels[order]
 
 
-def gaps(t_s, share: float, length_s: tuple[float, float], rng) -> np.ndarray:
+def gaps(
+    t_s: np.ndarray, share: float, length_s: tuple[float, float], rng: np.random.Generator
+) -> np.ndarray:
     """(m,) True where a measurement falls into a dropout; about ``share`` of them do."""
     lost = np.zeros(len(t_s), bool)
     while lost.sum() < share * len(t_s):

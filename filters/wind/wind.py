@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
+from numpy.typing import ArrayLike
 
 from filters.models.update import update
 from filters.models.update import weight as weight_of
@@ -65,7 +66,9 @@ class MeanWind(NamedTuple):
         return float(np.degrees(np.arctan2(-self.en_mps[0], -self.en_mps[1])) % 360.0)
 
 
-def true_airspeed(calibrated_mps, alt_msl_m, temperature_k=None):
+def true_airspeed(
+    calibrated_mps: ArrayLike, alt_msl_m: ArrayLike, temperature_k: ArrayLike | None = None
+) -> float | np.ndarray:
     """True airspeed of a calibrated one: CAS √(ρ0/ρ), incompressible (below 100 m/s within 0.5 %).
 
     Pressure by the standard atmosphere at ``alt_msl_m``; so is the temperature, unless that of the outside
@@ -79,7 +82,7 @@ def true_airspeed(calibrated_mps, alt_msl_m, temperature_k=None):
 class WindEstimator:
     """One aircraft's wind, from the first airspeed on."""
 
-    def __init__(self, settings: WindSettings = WindSettings(), coordinated: bool = True):  # noqa: B008
+    def __init__(self, settings: WindSettings = WindSettings(), *, coordinated: bool = True):  # noqa: B008
         """``coordinated``: a fixed wing, whose nose points where it flies through the air."""
         self.settings, self.coordinated = WindSettings(*map(float, settings)), coordinated
         self._x, self._P = np.zeros(N), np.zeros((N, N))

@@ -54,7 +54,9 @@ def scene(
                 kind, _, begin, length, size = patch
                 sigma = sensor.sigma[seen.channels]
                 there = tuple(np.flatnonzero(np.isfinite(sigma)))
-                seen = simulate.patch(seen, np.nan_to_num(sigma), kind, begin, length, rng, there, size)
+                seen = simulate.patch(
+                    seen, np.nan_to_num(sigma), simulate.LongPatch(kind, begin, length, there, size), rng
+                )
             if share:
                 seen = simulate.contaminate(seen, sensor.sigma[seen.channels], rng, share)
         block = np.zeros(seen.values.size, ROW)

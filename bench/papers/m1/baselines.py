@@ -31,7 +31,9 @@ def room(n: int) -> Filtered:
     return Filtered(*(np.zeros((n, CORE, CORE) if square else (n, CORE)) for square in (0, 1, 0, 1)))
 
 
-def ekf(z: np.ndarray, sigma: np.ndarray, x: np.ndarray, P: np.ndarray, step_s: float, jerk_psd: float):
+def ekf(
+    z: np.ndarray, sigma: np.ndarray, x: np.ndarray, P: np.ndarray, step_s: float, jerk_psd: float
+) -> Filtered:
     """Extended Kalman filter: the measurement linearised at the prediction (Bar-Shalom et al. 2001, 10.3)."""
     out, x, P, still = room(len(z)), x.copy(), P.copy(), np.zeros(CORE)
     for k in range(len(z)):
@@ -47,7 +49,7 @@ def ekf(z: np.ndarray, sigma: np.ndarray, x: np.ndarray, P: np.ndarray, step_s: 
 
 def classic_ukf(
     z: np.ndarray, sigma: np.ndarray, x: np.ndarray, P: np.ndarray, step_s: float, jerk_psd: float
-):
+) -> Filtered:
     """filterpy's unscented Kalman filter with Merwe's points (α 0.1, β 2, κ 3 − n), no outlier handling."""
     from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter
 

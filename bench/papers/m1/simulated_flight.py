@@ -72,7 +72,16 @@ def any_path(rng: np.random.Generator) -> np.ndarray:
     return np.concatenate([p, v, a])
 
 
-def m1_ukf(z, sigma, x, P, step_s, jerk_psd, soft=m1.C, hard=m1.NOTHING) -> Filtered:
+def m1_ukf(
+    z: np.ndarray,
+    sigma: np.ndarray,
+    x: np.ndarray,
+    P: np.ndarray,
+    step_s: float,
+    jerk_psd: float,
+    soft: float = m1.C,
+    hard: float = m1.NOTHING,
+) -> Filtered:
     """The paper's unscented filter with its outlier handling; arguments as `baselines.ekf`."""
     noise = np.full(len(CHANNELS), np.nan)
     noise[:3] = sigma

@@ -1,7 +1,7 @@
 """The GA-BP-UKF paper's comparison: its filter, the network of each, and the baselines, over many flights."""
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from bench.papers.m1.simulated_flight import (
     STEP_S,
     STEPS,
     Method,
+    SimulatedRun,
     any_path,
     errors,
     fly,
@@ -69,7 +70,7 @@ def simulations(compared: dict[str, Method], runs: int) -> dict[str, SimulationE
     }
 
 
-def flights(runs: int, first_seed: int = FIRST_SEED, **settings) -> list:
+def flights(runs: int, first_seed: int = FIRST_SEED, **settings: Any) -> list[SimulatedRun]:
     """``runs`` of `simulated_flight.fly`."""
     return [fly(np.random.default_rng(first_seed + k), **settings) for k in range(runs)]
 

@@ -135,13 +135,13 @@ def flight(log_path: Path, truth_path: Path) -> AirSamples:
     )
 
 
-def follow(air: AirSamples, coordinated: bool = True) -> list[winds.MeanWind]:
+def follow(air: AirSamples, *, coordinated: bool = True) -> list[winds.MeanWind]:
     """The wind at every sample, from those up to then."""
     estimator = winds.WindEstimator(coordinated=coordinated)
     return [estimator.step(*sample) for sample in zip(*air[:4], strict=True)]
 
 
-def losses(air: AirSamples, coordinated: bool = True) -> list[Loss]:
+def losses(air: AirSamples, *, coordinated: bool = True) -> list[Loss]:
     """Dead reckoning over every lost minute that begins and ends in flight."""
     estimator = winds.WindEstimator(coordinated=coordinated)
     out, next_ns = [], air.t_ns[0]

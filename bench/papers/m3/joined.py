@@ -31,11 +31,14 @@ class Joined(NamedTuple):
 def joined(
     seed: int,
     size: tuple[float, float] = screening.SIZE,
-    regular: bool = False,
     points: int = screening.POINTS,
+    *,
+    regular: bool = False,
 ) -> Joined:
     """The first ``points`` of a record through both; a value counts as found when it is not let through."""
-    made = screening.RadarRecord(*(column[:points] for column in screening.record(seed, size, regular)))
+    made = screening.RadarRecord(
+        *(column[:points] for column in screening.record(seed, size, regular=regular))
+    )
     sensor, rows, label = _radar(made, np.random.default_rng(seed))
     one = methods.make("default", [sensor])
     steps = [one.step(part) for part in np.array_split(rows, len(rows) // 300)]

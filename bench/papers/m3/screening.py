@@ -72,7 +72,7 @@ def flight_path() -> tuple[np.ndarray, np.ndarray]:
     return x, y
 
 
-def record(seed: int, size: tuple[float, float] = SIZE, regular: bool = False) -> RadarRecord:
+def record(seed: int, size: tuple[float, float] = SIZE, *, regular: bool = False) -> RadarRecord:
     """A seeded record with the paper's shares."""
     rng = np.random.default_rng(seed)
     t_s, range_m = flight_ranges()
@@ -92,7 +92,7 @@ def record(seed: int, size: tuple[float, float] = SIZE, regular: bool = False) -
     return RadarRecord(t_s, range_m + sigma * values, label, sigma)
 
 
-def score(made: RadarRecord, method: str, **settings) -> Score:
+def score(made: RadarRecord, method: str, **settings: float) -> Score:
     """How a method does on a record."""
     found = screened(made, method, **settings)
     through = found.flag == screening.GOOD  # what waits for a start is not let through either
@@ -101,7 +101,7 @@ def score(made: RadarRecord, method: str, **settings) -> Score:
     return Score(found.restarts, false, *share)
 
 
-def screened(made: RadarRecord, method: str, **settings) -> screening.Screened:
+def screened(made: RadarRecord, method: str, **settings: float) -> screening.Screened:
     """A record screened. The fixed threshold has the mean noise; the adaptive one starts there."""
     chosen = SETTINGS.get(method, {}) | settings
     return screening.screen(
@@ -109,9 +109,9 @@ def screened(made: RadarRecord, method: str, **settings) -> screening.Screened:
     )
 
 
-def table(seeds: int, size: tuple[float, float] = SIZE, regular: bool = False, **settings) -> dict:
+def table(seeds: int, size: tuple[float, float] = SIZE, *, regular: bool = False, **settings: float) -> dict:
     """{method: Score of means over the seeds}."""
-    records = [record(seed, size, regular) for seed in range(FIRST_SEED, FIRST_SEED + seeds)]
+    records = [record(seed, size, regular=regular) for seed in range(FIRST_SEED, FIRST_SEED + seeds)]
     return {
         method: Score(*np.mean([score(made, method, **settings) for made in records], axis=0))
         for method in (*PAPER, OURS)

@@ -12,7 +12,7 @@ OURS, FAULT, OTHER = "#2a6fb0", "#d1352b", "#c98a1b"
 WIDTH_IN, PANEL_IN, DPI = 9.0, 2.7, 100
 
 
-def panels(rows: int, share_x: bool = True) -> tuple[Figure, Sequence[Axes]]:
+def panels(rows: int, *, share_x: bool = True) -> tuple[Figure, Sequence[Axes]]:
     """A figure of ``rows`` panels above one another."""
     figure = Figure(figsize=(WIDTH_IN, PANEL_IN * rows + 0.3), dpi=DPI, layout="constrained")
     return figure, figure.subplots(rows, squeeze=False, sharex=share_x)[:, 0]

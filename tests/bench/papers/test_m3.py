@@ -33,7 +33,7 @@ def test_five_point_adaptive_does_what_the_paper_reports(regular):
 
 @pytest.mark.parametrize("regular", [False, True])
 def test_the_long_line_finds_small_outliers(regular):
-    made = screening.record(0, screening.SMALLER, regular)
+    made = screening.record(0, screening.SMALLER, regular=regular)
     ours, paper = (screening.score(made, method) for method in (screening.OURS, screening.OURS_OF))
     assert ours.false_alarms <= 5
     assert ours.isolated > 0.98 > 0.95 > paper.isolated

@@ -130,7 +130,7 @@ def test_runs_and_isolated_ones_are_what_they_say():
 @pytest.mark.parametrize("kind", simulate.PATCH_KINDS)
 def test_patches(truth, kind):
     clean = simulate.instrument(truth, LASER, 20, rng())
-    dirty = simulate.patch(clean, SIGMA[:4], kind, 40, 10, rng(), channels=(RANGE,), size=30)
+    dirty = simulate.patch(clean, SIGMA[:4], simulate.LongPatch(kind, 40, 10, (RANGE,), 30), rng())
     added = dirty.values[:, RANGE] - clean.values[:, RANGE]
     since_s = (clean.t_ns - simulate.T0_NS) * 1e-9 - 40
     inside = (since_s >= 0) & (since_s < 10)

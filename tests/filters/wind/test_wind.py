@@ -46,7 +46,7 @@ def fly(
 
 
 def follow(air: FlownAir, coordinated=True, settings=None) -> tuple[WindEstimator, list]:
-    estimator = WindEstimator(settings or WindSettings(), coordinated)
+    estimator = WindEstimator(settings or WindSettings(), coordinated=coordinated)
     return estimator, [estimator.step(*sample) for sample in zip(*air[:4], strict=True)]
 
 
