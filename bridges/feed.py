@@ -19,16 +19,21 @@ without a time as a whole: each becomes one ``Bad`` that names the line, the col
 import json
 import re
 import socket
+import threading
 import time
 from collections.abc import Iterator
 from datetime import UTC, datetime
 from decimal import Decimal, InvalidOperation
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 import numpy as np
 
 from gcs.contract.messages import POLAR, Bad, InputError, PolarMeasurement
+
+if TYPE_CHECKING:  # a bridge is given its bus; zenoh is loaded by whoever opens it
+    from gcs.contract.bus import Bus
 
 LIMITS = {
     "range_m": (0.0, 1e7),  # farther than any flight test
@@ -101,8 +106,16 @@ def measurements(rows: np.ndarray) -> Iterator[PolarMeasurement]:
         yield PolarMeasurement(**{name: v for name, v in zip(names, row, strict=True) if v == v})
 
 
-def run(bus, name: str, origin, stop, *, columns: tuple[str, ...] = COLUMNS, **pace) -> None:
-    """Put one instrument on ``raw/NAME`` until ``stop`` (an event) is set or its file ends.
+def run(
+    bus: "Bus",
+    name: str,
+    origin: tuple[str, int] | Path,
+    stop: threading.Event,
+    *,
+    columns: tuple[str, ...] = COLUMNS,
+    **pace: Any,
+) -> None:
+    """Put one instrument on ``raw/NAME`` until ``stop`` is set or its file ends.
 
     ``origin`` is the ``(host, port)`` to listen on for JSON lines, or the path of a CSV file, which is played
     at ``pace``: see ``play``. Raises ``FeedError``.
@@ -128,7 +141,15 @@ def timeline(source: str, rows: np.ndarray, bad: list[Bad]) -> list[tuple[int, s
     return sorted(items, key=lambda item: item[0])
 
 
-def play(bus, due: list, stop, *, speed: float = 1.0, begin_ns: int | None = None, now: bool = False) -> None:
+def play(
+    bus: "Bus",
+    due: list[tuple[int, str, PolarMeasurement | Bad]],
+    stop: threading.Event,
+    *,
+    speed: float = 1.0,
+    begin_ns: int | None = None,
+    now: bool = False,
+) -> None:
     """Publish a timeline at ``speed`` times its own pace.
 
     ``begin_ns`` is the flight time at which this call starts (the first item by default): give the same to

@@ -16,17 +16,21 @@ the ellipsoid, so the Earth is as round as it is. The same seed gives the same b
 import csv
 import gzip
 import json
+import threading
 import tomllib
 from collections.abc import Sequence
 from operator import itemgetter
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from bridges import feed
 from filters.simulation import scenario, simulate
 from gcs.contract.messages import CHANNELS, POLAR, InputError
+
+if TYPE_CHECKING:  # a bridge is given its bus; zenoh is loaded by whoever opens it
+    from gcs.contract.bus import Bus
 
 TRUTH = np.dtype([("t_ns", "i8"), ("lat_deg", "f8"), ("lon_deg", "f8"), ("alt_m", "f8")])
 COLUMNS = {"range_m": 3, "azimuth_deg": 6, "elevation_deg": 6, "range_rate_mps": 3}  # decimals in files
@@ -156,14 +160,14 @@ def write_all(
 
 
 def run(
-    bus,
+    bus: "Bus",
     truth: np.ndarray,
     instruments: Sequence[SimulatedInstrument],
     seed: int,
-    stop,
+    stop: threading.Event,
     *,
     share: float = OUTLIER_SHARE,
-    **pace,
+    **pace: Any,
 ) -> None:
     """Stream all instruments live, ``share`` of the values outliers; ``pace`` as in ``feed.play``."""
     due = []

@@ -9,13 +9,17 @@ import io
 import threading
 import time
 from collections import deque
+from typing import TYPE_CHECKING
 
 import viser
 
-from gcs.contract.messages import Event, Health, InputError, Scene, State, Verdict, Wind
+from gcs.contract.messages import ANY, Event, Health, InputError, Scene, State, Verdict, Wind
 from web import colours, panel
 from web.controls import Playable, Player
 from web.scene import LAYERS, Picture
+
+if TYPE_CHECKING:  # zenoh is loaded by whoever opens the bus
+    from gcs.contract.bus import Bus
 
 QUEUE = 200_000  # messages; at more than a million a minute the oldest are skipped, counted and shown
 PERIOD_S = 0.1
@@ -55,7 +59,7 @@ class View:
         self._thread = threading.Thread(target=self._run, name="view", daemon=True)
         self._thread.start()
 
-    def put(self, message, source: str = "") -> None:
+    def put(self, message: ANY, source: str = "") -> None:
         """Show a message. ``source`` is "smoothed" for a smoothed state; any thread may call."""
         if len(self._queue) == QUEUE:
             self._skipped += 1
@@ -80,14 +84,14 @@ class View:
         self._server.gui.set_panel_label("Ground station")
         self._server.gui.main_panel.dock_right()
 
-    def _theme(self, dark: bool) -> None:
+    def _theme(self, *, dark: bool) -> None:
         self._server.gui.configure_theme(
             control_width="large",
             dark_mode=dark,
             show_logo=False,
             show_share_button=False,
         )
-        self._picture.aircraft.set_dark(dark)
+        self._picture.aircraft.set_dark(dark=dark)
 
     def _build_panel(self, playback: Playable | None) -> None:
         gui = self._server.gui
@@ -101,14 +105,14 @@ class View:
             self._legend = gui.add_html("")
             gui.add_button("Reset view").on_click(lambda event: self._picture.cameras.look(event.client))
             gui.add_checkbox("follow aircraft", False).on_update(
-                lambda event: self._picture.cameras.set_follow(event.target.value)
+                lambda event: self._picture.cameras.set_follow(follow=event.target.value)
             )
             for name in LAYERS:
                 box = gui.add_checkbox(NAMES.get(name, name), True)
-                box.on_update(lambda event, name=name: self._show(name, event.target.value))
-            gui.add_checkbox("dark", False).on_update(lambda event: self._theme(event.target.value))
+                box.on_update(lambda event, name=name: self._show(name, visible=event.target.value))
+            gui.add_checkbox("dark", False).on_update(lambda event: self._theme(dark=event.target.value))
 
-    def _show(self, layer: str, visible: bool) -> None:
+    def _show(self, layer: str, *, visible: bool) -> None:
         self._picture.layers[layer].visible = visible
 
     def _run(self) -> None:
@@ -157,7 +161,7 @@ def _hush() -> contextlib.redirect_stdout:
     return contextlib.redirect_stdout(io.StringIO())
 
 
-def run(bus, port: int = 8080, stop: threading.Event | None = None) -> None:
+def run(bus: "Bus", port: int = 8080, stop: threading.Event | None = None) -> None:
     """The view alone, on the bus: waits for the station's ``Scene``, then shows all until ``stop``."""
     stop = stop or threading.Event()
     scenes, smoothed = bus.subscribe("scene"), bus.subscribe("smoothed")

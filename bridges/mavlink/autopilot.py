@@ -33,8 +33,11 @@ DIFFERENTIAL_PRESSURE = 0x10  # MAV_SYS_STATUS_SENSOR: a pitot tube is fitted
 FIXED_WING = 1  # MAV_TYPE_FIXED_WING
 NO_AUTOPILOT = 8  # MAV_AUTOPILOT_INVALID: ground stations, gimbals, companions
 
+Number = float | np.ndarray  # of one message live, of all messages of a log
+Flags = bool | np.ndarray
 
-def has_position(lat, lon, alt, relative_alt, gps_alt):
+
+def has_position(lat: Number, lon: Number, alt: Number, relative_alt: Number, gps_alt: Number) -> Flags:
     """Is GLOBAL_POSITION_INT (degE7, mm) a position at all? ``gps_alt`` mm is the receiver's, NaN if unknown.
 
     Just after the first fix an estimator may have a place and no height yet: it then reports the same height
@@ -45,7 +48,7 @@ def has_position(lat, lon, alt, relative_alt, gps_alt):
     return somewhere & ~no_datum
 
 
-def is_lost(fix_type, silent_ms):
+def is_lost(fix_type: Number, silent_ms: Number) -> Flags:
     """Has a receiver lost its position, so that without another one GLOBAL_POSITION_INT is dead reckoning?
 
     ``fix_type`` of its newest message; ``silent_ms`` from the first position since then to the one before
@@ -56,7 +59,9 @@ def is_lost(fix_type, silent_ms):
     return (fix_type < FIX_3D) | (silent_ms > GPS_SILENT_MS)
 
 
-def position_velocity(lat, lon, alt, vx, vy, vz):
+def position_velocity(
+    lat: Number, lon: Number, alt: Number, vx: Number, vy: Number, vz: Number
+) -> tuple[Number, Number, Number, Number, Number, Number]:
     """(lat_deg, lon_deg, alt_msl_m, ve, vn, vu m/s) of GLOBAL_POSITION_INT (degE7, mm, cm/s NED)."""
     return lat * 1e-7, lon * 1e-7, alt * 1e-3, vy * 1e-2, vx * 1e-2, vz * -1e-2
 
@@ -74,7 +79,7 @@ def vz_is_upward(t_ns: np.ndarray, alt_m: np.ndarray, vu_mps: np.ndarray) -> boo
     return bool(moving.sum() >= CLIMB_SAMPLES and against > 0.9 * moving.sum())
 
 
-def geoid_separation_m(fix_type, alt, alt_ellipsoid):
+def geoid_separation_m(fix_type: Number, alt: Number, alt_ellipsoid: Number) -> Number:
     """Ellipsoidal minus mean-sea-level height in m of GPS_RAW_INT (mm), NaN where it does not say.
 
     ``alt_ellipsoid`` is a MAVLink 2 extension: zero when the sender does not know it.
@@ -84,12 +89,12 @@ def geoid_separation_m(fix_type, alt, alt_ellipsoid):
     return np.where(known, separation, np.nan)[()]
 
 
-def wind_en(direction, speed):
+def wind_en(direction: Number, speed: Number) -> tuple[Number, Number]:
     """(east, north) m/s, where the air goes, of ArduPilot's WIND (degrees it comes from, m/s)."""
     return -speed * np.sin(np.radians(direction)), -speed * np.cos(np.radians(direction))
 
 
-def wind_cov_en(wind_x, wind_y):
+def wind_cov_en(wind_x: Number, wind_y: Number) -> tuple[Number, Number]:
     """(east, north) m/s, where the air goes, of PX4's WIND_COV (m/s north, m/s east, also where it goes)."""
     return wind_y, wind_x
 

@@ -11,12 +11,16 @@ import socket
 import time
 from contextlib import closing
 from threading import Event as Flag
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from bridges.mavlink import autopilot
 from bridges.mavlink.flightclock import US, LiveClock
 from gcs.contract.messages import AirData, Bad, Event, InputError, InsMeasurement
+
+if TYPE_CHECKING:  # a bridge is given its bus; zenoh is loaded by whoever opens it
+    from gcs.contract.bus import Bus
 
 RETRY_S = 1.0  # between two attempts to open a link that was there
 SILENT_S = 5.0  # a link without the vehicle for so long is reported
@@ -54,7 +58,7 @@ class Decoder:
         self._position_ms = 0  # boot time of the newest position
         self._gps_alt = self._separation = np.nan
 
-    def decode(self, message, arrival_ns: int) -> InsMeasurement | AirData | Bad | None:
+    def decode(self, message: Any, arrival_ns: int) -> InsMeasurement | AirData | Bad | None:
         """What one pymavlink message says: a measurement, a reason why not, or nothing of interest.
 
         ``arrival_ns`` UTC ns is the instant of reception.
@@ -193,7 +197,7 @@ def _known(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
-def run(link: str, system_id: int | None, bus, stop: Flag) -> None:
+def run(link: str, system_id: int | None, bus: "Bus", stop: Flag) -> None:
     """Publish ``raw/ins`` and ``raw/air`` from ``link`` (any pymavlink address) until ``stop`` is set.
 
     Without a ``system_id`` it is the first autopilot heard.

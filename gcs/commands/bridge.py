@@ -1,7 +1,7 @@
 """``gcs bridge``: one instrument onto the bus."""
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import App, Parameter
 
@@ -10,6 +10,9 @@ from gcs.commands.options import Config, stopped
 from gcs.contract import config as configuration
 from gcs.contract.messages import InputError
 from gcs.outputs.console import say
+
+if TYPE_CHECKING:
+    from gcs.contract.bus import Bus
 
 command = App(name="bridge", help="One bridge alone, on whichever machine the instrument hangs on.")
 
@@ -98,7 +101,7 @@ for _kind in ("theodolite", "radar"):
     command.command(_instrument(_kind), name=_kind, help=f"One {_kind} onto the bus as ``raw/NAME``.")
 
 
-def _bridge_bus(station):
+def _bridge_bus(station: configuration.Station) -> "Bus":
     """A bridge is a client of the station's router, and waits for it."""
     return open_bus(station, mode="client", waiting=say)
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from filters.correction.correction import off
 from gcs.commands.compiled import prepare
@@ -11,10 +12,15 @@ from gcs.outputs.console import Console
 from gcs.outputs.publish import Publisher, Target
 from gcs.outputs.record import Record
 from gcs.station.health import Feeds, Monitor
+from gcs.station.replay import Playback
 from gcs.station.session import Session, Sink
 
+if TYPE_CHECKING:
+    from gcs.contract.bus import Bus
+    from web.view import View
 
-def open_bus(station: Station, **options):
+
+def open_bus(station: Station, **options: Any) -> "Bus":
     """The station's bus, as its file says."""
     from gcs.contract.bus import Bus  # zenoh is not needed by a replay into files
     from gcs.contract.messages import JSON, MSGPACK
@@ -26,14 +32,14 @@ def open_bus(station: Station, **options):
     )
 
 
-def open_view(station: Station, frame: Frame, playback=None):
+def open_view(station: Station, frame: Frame, playback: Playback | None = None) -> "View":
     """The view in the browser, on the station's port."""
     from web.view import View  # viser is not needed without a view
 
     return View(scene(station, frame), port=station.view.port, playback=playback)
 
 
-def targets(bus=None, view=None) -> list[Target]:
+def targets(bus: "Bus | None" = None, view: "View | None" = None) -> list[Target]:
     """Where messages go: the bus as they are, the view with its own names."""
     found: list[Target] = []
     if bus:

@@ -3,6 +3,7 @@
 import os
 import signal
 import threading
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
 
@@ -21,7 +22,7 @@ Config = Annotated[
 ]
 
 
-def on_signal(action) -> None:
+def on_signal(action: Callable[[], None]) -> None:
     """Call ``action`` at SIGINT or SIGTERM, in a thread: the handler may interrupt one that holds a lock."""
     heard, tell = os.pipe()
 

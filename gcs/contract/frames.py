@@ -48,7 +48,13 @@ def ecef_to_enu(lat_deg: float, lon_deg: float) -> np.ndarray:
     )
 
 
-def polar_to_enu(range_m, azimuth_rad, elevation_rad, offset_m, rotation) -> np.ndarray:
+def polar_to_enu(
+    range_m: np.ndarray,
+    azimuth_rad: np.ndarray,
+    elevation_rad: np.ndarray,
+    offset_m: np.ndarray,
+    rotation: np.ndarray,
+) -> np.ndarray:
     """(n, 3) station ENU of what one instrument saw, its offset (3,) and rotation (3, 3) from ``place``."""
     with np.errstate(invalid="ignore"):  # a damaged value may be infinite: then there is no position
         east, north = np.sin(azimuth_rad), np.cos(azimuth_rad)

@@ -48,7 +48,7 @@ class Recorder:
     def __init__(self):
         self._seen = []
 
-    def __call__(self, x0, P0, x1, P1):
+    def __call__(self, x0: np.ndarray, P0: np.ndarray, x1: np.ndarray, P1: np.ndarray) -> np.ndarray:
         n = correction.CORE
         self._seen.append((x0[:n].copy(), P0[:n, :n].copy(), x1[:n].copy(), P1[:n, :n].copy()))
         return x1
@@ -58,7 +58,14 @@ class Recorder:
         return [np.array(column) for column in zip(*self._seen, strict=True)]
 
 
-def fly(name, sensors: list[Sensor], rows, truth: scenario.Truth, t0_ns: int, settings: Settings) -> Flown:
+def fly(
+    name: str,
+    sensors: list[Sensor],
+    rows: np.ndarray,
+    truth: scenario.Truth,
+    t0_ns: int,
+    settings: Settings,
+) -> Flown:
     """Filter (n,) ROW with the default method and hold it against ``truth``, timed from ``t0_ns``."""
     recorder = Recorder()
     track = methods.make("default", sensors, settings, recorder).step(rows).track

@@ -79,12 +79,12 @@ def run(
     if good and install:
         install.parent.mkdir(parents=True, exist_ok=True)
         install.write_bytes((out / "network.json").read_bytes())
-    for line in [*table(report), verdict(good, report["total"], install)]:
+    for line in [*table(report), verdict(report["total"], install, good=good)]:
         say(line)
     return good
 
 
-def learn(split: Split, plan: train.Plan, genetic: bool = True) -> Network:
+def learn(split: Split, plan: train.Plan, *, genetic: bool = True) -> Network:
     """The network that ``split`` teaches, from a genetic start or a random one."""
     fit, check = pool(split.fit), pool(split.check)
     if genetic:
@@ -195,7 +195,7 @@ def table(report: dict) -> list[str]:
     return lines
 
 
-def verdict(good: bool, totals: dict, install: Path | None) -> str:
+def verdict(totals: dict, install: Path | None, *, good: bool) -> str:
     """One line: what was done with the network, and why."""
     ratios = ", ".join(
         f"{kind} × {one['ratio']:.3f} (worst {one['worst']:.3f})" for kind, one in totals.items()

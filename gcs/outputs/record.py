@@ -8,7 +8,7 @@ import numpy as np
 from gcs.contract.config import Station, dump
 from gcs.contract.frames import Frame
 from gcs.contract.messages import CHANNELS, VERDICTS
-from gcs.station.ledger import NO_TIME
+from gcs.station.ledger import NO_TIME, Ledger
 from gcs.station.session import Update
 
 TRACK_HEADER = (
@@ -67,7 +67,7 @@ def track_lines(track: np.ndarray, frame: Frame) -> str:
     )
 
 
-def verdict_lines(entries: np.ndarray, ledger) -> str:
+def verdict_lines(entries: np.ndarray, ledger: Ledger) -> str:
     """(n,) ENTRY as lines of verdicts.csv; what has no number is left empty."""
     channels = [*CHANNELS, ""]  # channel −1: the whole line
     reasons = ledger.reason_texts(entries)

@@ -115,19 +115,19 @@ class Ledger:
             )
             sigmas = np.where(entries["sigma"] > 0.0, np.abs(wrapped) / entries["sigma"], np.nan)
         return [
-            self._text(code, far, screened)
+            self._text(code, far, screened=screened)
             for code, far, screened in zip(
                 entries["reason"].tolist(), sigmas.tolist(), entries["screened"].tolist(), strict=True
             )
         ]
 
-    def _text(self, code: int, far: float, screened: bool) -> str:
+    def _text(self, code: int, far: float, *, screened: bool) -> str:
         text = f"{self.reasons[code]} ({far:.1f} sigma)" if code and far == far else self.reasons[code]
         if not screened:
             return text
         return f"{text}; screening agrees" if text else "screening alone doubts it"
 
-    def count_table(self, doubted: bool = False) -> dict[str, dict[str, dict[str, int]]]:
+    def count_table(self, *, doubted: bool = False) -> dict[str, dict[str, dict[str, int]]]:
         """How many values by sensor, channel and verdict: all retired, or those that screening doubts."""
         counts = self.doubted if doubted else self.counts
         names = [*CHANNELS, "line"]

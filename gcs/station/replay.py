@@ -135,7 +135,9 @@ class Playback:
         self._from_s, self._from_ns = time.monotonic(), self.now_ns
 
 
-def run(flight: MeasuredFlight, new_session: Callable[[], Session], playback: Playback, stay: bool) -> dict:
+def run(
+    flight: MeasuredFlight, new_session: Callable[[], Session], playback: Playback, *, stay: bool
+) -> dict:
     """Play a flight through; ``stay``: at its end wait for another seek. Returns the last summary."""
     while True:
         session = new_session()
