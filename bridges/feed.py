@@ -101,7 +101,7 @@ def decode(
 
 def measurements(rows: np.ndarray) -> Iterator[PolarMeasurement]:
     """(n,) ``POLAR`` as messages."""
-    names = POLAR.names
+    names = PolarMeasurement.__struct_fields__
     for row in rows.tolist():
         yield PolarMeasurement(**{name: v for name, v in zip(names, row, strict=True) if v == v})
 
@@ -136,6 +136,7 @@ def timeline(source: str, rows: np.ndarray, bad: list[Bad]) -> list[tuple[int, s
     """``(due_ns, source, message)`` in file order: a late row is due when its place in the file is."""
     due = np.maximum.accumulate(rows["t_ns"]).tolist()
     first = due[0] if due else 0
+    items: list[tuple[int, str, PolarMeasurement | Bad]]
     items = [(t, source, m) for t, m in zip(due, measurements(rows), strict=True)]
     items += [(b.t_ns or first, source, b) for b in bad]
     return sorted(items, key=lambda item: item[0])
@@ -175,7 +176,7 @@ def time_ns(text: str) -> int | None:
         and whole.isascii()
         and (not decimals or (decimals.isdecimal() and decimals.isascii()))
     ):
-        t_ns = int(whole[:12]) * 10**9 + int((decimals + "000000000")[:9])
+        t_ns: int | None = int(whole[:12]) * 10**9 + int((decimals + "000000000")[:9])
     elif iso := ISO.fullmatch(text.strip()):
         t_ns = _iso_ns(*iso.groups())
     else:
@@ -213,8 +214,9 @@ def _parse(table: dict, source: str, where, raw) -> tuple[np.ndarray, list[Bad]]
     for name, (low, high) in LIMITS.items():
         texts = table.get(name)
         rows[name] = np.nan if texts is None else _numbers(texts)
-        for i in np.flatnonzero(~(np.isnan(rows[name]) | ((rows[name] >= low) & (rows[name] <= high)))):
-            if stamps[i] is not None:
+        good = np.isnan(rows[name]) | ((rows[name] >= low) & (rows[name] <= high))
+        for i in np.flatnonzero(~good).tolist():
+            if texts is not None and stamps[i] is not None:
                 refuse(i, f"{name}: {texts[i].strip()[:40]!r} is no number from {low:.0f} to {high:.0f}")
             rows[name][i] = np.nan
     timeless = [i for i, t in enumerate(stamps) if t is None]

@@ -68,8 +68,9 @@ def read_truth(path: Path, boot_to_utc_ns: int | None = None) -> np.ndarray:
         if "t_ns" not in names and boot_to_utc_ns is None:
             raise feed.FeedError(f"{path}:1: TimeUS is boot time; name the flight's log with --tlog")
         place = itemgetter("lat_deg", "lon_deg", "alt_m")
+        boot_ns = boot_to_utc_ns or 0
         rows = [
-            (int(x["t_ns"]) if "t_ns" in names else boot_to_utc_ns + int(x["TimeUS"]) * 1000, *place(x))
+            (int(x["t_ns"]) if "t_ns" in names else boot_ns + int(x["TimeUS"]) * 1000, *place(x))
             for x in lines
         ]
     return np.array(rows, TRUTH)
@@ -148,7 +149,7 @@ def write_all(
 
     Raises InputError where nothing can be written.
     """
-    injected = {"seed": seed, "outlier_share": share}
+    injected: dict[str, Any] = {"seed": seed, "outlier_share": share}
     injected |= {instrument.name: _injected(instrument.errors) for instrument in instruments}
     try:
         folder.mkdir(parents=True, exist_ok=True)

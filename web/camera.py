@@ -55,13 +55,13 @@ class Cameras:
             self._world.position = (0.0, 0.0, 0.0)
         _, radius = self._extent()
         for client in self._server.get_clients().values():
-            eye, seen = self._placed.get(client.client_id, (None, np.inf))
+            eye, seen = self._placed.get(client.client_id, (np.zeros(3), np.inf))
             if radius > GROWTH * seen and np.linalg.norm(client.camera.position - eye) < UNMOVED_M:
                 self.look(client)
 
-    def distance(self, position: np.ndarray) -> float:
+    def distance(self, position: ArrayLike) -> float:
         """Metres from the nearest camera to a point of the world."""
-        place = np.array(self._world.position) + position
+        place = np.array(self._world.position) + np.asarray(position)
         eyes = [client.camera.position for client in self._server.get_clients().values()]
         return min((float(np.linalg.norm(eye - place)) for eye in eyes), default=2000.0)
 

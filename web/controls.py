@@ -60,7 +60,7 @@ class Player:
             self._wanted_s = None
         elif self._wanted_s is None:
             now_s = (self._playback.now_ns - self._playback.start_ns) // 1e9
-            self._slider.value = min(max(now_s, 0.0), self._slider.max)
+            self._slider.value = min(max(now_s, 0.0), self._slider.max)  # type: ignore[misc]  # viser has it settable
 
     def _ended(self) -> bool:
         return self._playback.now_ns >= self._playback.end_ns

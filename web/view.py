@@ -9,6 +9,7 @@ import io
 import threading
 import time
 from collections import deque
+from functools import partial
 from typing import TYPE_CHECKING
 
 import viser
@@ -103,17 +104,21 @@ class View:
             self._log = gui.add_html("")
         with gui.add_folder("Show"):
             self._legend = gui.add_html("")
-            gui.add_button("Reset view").on_click(lambda event: self._picture.cameras.look(event.client))
+            gui.add_button("Reset view").on_click(self._reset_view)
             gui.add_checkbox("follow aircraft", False).on_update(
                 lambda event: self._picture.cameras.set_follow(follow=event.target.value)
             )
             for name in LAYERS:
                 box = gui.add_checkbox(NAMES.get(name, name), True)
-                box.on_update(lambda event, name=name: self._show(name, visible=event.target.value))
+                box.on_update(partial(self._show, name))
             gui.add_checkbox("dark", False).on_update(lambda event: self._theme(dark=event.target.value))
 
-    def _show(self, layer: str, *, visible: bool) -> None:
-        self._picture.layers[layer].visible = visible
+    def _reset_view(self, event: viser.GuiEvent) -> None:
+        if event.client:
+            self._picture.cameras.look(event.client)
+
+    def _show(self, layer: str, event: viser.GuiEvent) -> None:
+        self._picture.layers[layer].visible = event.target.value
 
     def _run(self) -> None:
         tick = 0
@@ -168,7 +173,7 @@ def run(bus: "Bus", port: int = 8080, stop: threading.Event | None = None) -> No
     rest = bus.subscribe("state", "verdict/*", "wind", "health", "event")
     scene = None
     while scene is None and not stop.is_set():
-        scene = next((message for _, message in scenes.drain(0.5)), None)
+        scene = next((message for _, message in scenes.drain(0.5) if isinstance(message, Scene)), None)
     if scene is None:
         return
     view = View(scene, port=port)

@@ -7,6 +7,9 @@ forward, right, down; MAVLink's local axes are north, east, down.
 VFR_HUD carries the airspeed; where no pitot tube is fitted, an autopilot fills in what it guesses.
 """
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 
 GRAVITY = 9.80665  # m/s², also what ArduPilot divides by to get its mG
@@ -33,11 +36,10 @@ DIFFERENTIAL_PRESSURE = 0x10  # MAV_SYS_STATUS_SENSOR: a pitot tube is fitted
 FIXED_WING = 1  # MAV_TYPE_FIXED_WING
 NO_AUTOPILOT = 8  # MAV_AUTOPILOT_INVALID: ground stations, gimbals, companions
 
-Number = float | np.ndarray  # of one message live, of all messages of a log
-Flags = bool | np.ndarray
+Number = Any  # a float or int of one message live, (n,) of all messages of a log; so is what comes out
 
 
-def has_position(lat: Number, lon: Number, alt: Number, relative_alt: Number, gps_alt: Number) -> Flags:
+def has_position(lat: Number, lon: Number, alt: Number, relative_alt: Number, gps_alt: Number) -> Number:
     """Is GLOBAL_POSITION_INT (degE7, mm) a position at all? ``gps_alt`` mm is the receiver's, NaN if unknown.
 
     Just after the first fix an estimator may have a place and no height yet: it then reports the same height
@@ -48,7 +50,7 @@ def has_position(lat: Number, lon: Number, alt: Number, relative_alt: Number, gp
     return somewhere & ~no_datum
 
 
-def is_lost(fix_type: Number, silent_ms: Number) -> Flags:
+def is_lost(fix_type: Number, silent_ms: Number) -> Number:
     """Has a receiver lost its position, so that without another one GLOBAL_POSITION_INT is dead reckoning?
 
     ``fix_type`` of its newest message; ``silent_ms`` from the first position since then to the one before
@@ -99,7 +101,7 @@ def wind_cov_en(wind_x: Number, wind_y: Number) -> tuple[Number, Number]:
     return wind_y, wind_x
 
 
-def is_accelerometer(force: np.ndarray) -> bool:
+def is_accelerometer(force: Sequence[np.ndarray] | np.ndarray) -> bool:
     """Do the first specific forces ((n, 3), m/s²) of a message type measure about one g?"""
     if len(force) < IMU_SAMPLES:
         return False
@@ -108,7 +110,7 @@ def is_accelerometer(force: np.ndarray) -> bool:
 
 
 def acceleration_enu(
-    force: np.ndarray, attitude: np.ndarray, rates: np.ndarray, age_s: np.ndarray
+    force: np.ndarray, attitude: np.ndarray, rates: np.ndarray, age_s: np.ndarray | float
 ) -> np.ndarray:
     """(..., 3) kinematic acceleration in local ENU, m/s².
 

@@ -20,7 +20,7 @@ class Timeline(NamedTuple):
 
     def at(self, messages: np.ndarray) -> np.ndarray:
         """(n,) UTC ns of messages with ``time_boot_ms`` or ``time_usec``."""
-        if "time_usec" not in messages.dtype.names:
+        if "time_usec" not in (messages.dtype.names or ()):
             return self.t_ns[np.searchsorted(self.frame_no, messages["frame_no"])]
         time_ns = messages["time_usec"].astype(np.int64) * flightclock.US
         out = time_ns.copy()

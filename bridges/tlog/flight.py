@@ -191,7 +191,7 @@ def _columns(messages: np.ndarray, *names: str) -> np.ndarray:
 def _rows(t_ns: np.ndarray) -> np.ndarray:
     """(n,) INS with nothing known but the time."""
     rows = np.empty(t_ns.size, INS)
-    for name in INS.names:
+    for name in INS.fields or ():
         rows[name] = t_ns if INS[name] == np.int64 else np.nan
     rows["dead_reckoned"] = False
     return rows

@@ -11,8 +11,9 @@ so it finds each good frame wherever the record before it ends. The rules that k
     a good frame met while searching, with no record behind it, gives way to one inside it that has.
 """
 
+from collections.abc import Mapping
 from functools import cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -60,7 +61,7 @@ def dialect() -> Dialect:
     for msgid, message in mavlink_map.items():
         crc_extra[msgid] = message.crc_extra
         if "time_boot_ms" in message.fieldnames:
-            boot_ms_at[msgid] = layouts[msgid].fields["time_boot_ms"][1]
+            boot_ms_at[msgid] = _field(layouts[msgid], "time_boot_ms")[1]
     names = {msgid: message.msgname for msgid, message in mavlink_map.items()}
     return Dialect(crc_extra, boot_ms_at, {name: msgid for msgid, name in names.items()}, names, layouts)
 
@@ -71,10 +72,16 @@ _TYPES = {
 _TYPES |= {"float": "<f4", "double": "<f8"}
 
 
-def _layout(message: type) -> np.dtype:
+def _field(layout: np.dtype, name: str) -> tuple:
+    """(dtype, offset) of one field."""
+    fields: Mapping[str, tuple] = layout.fields or {}
+    return fields[name]
+
+
+def _layout(message: Any) -> np.dtype:
     """Payload dtype of one pymavlink message class."""
     types = dict(zip(message.fieldnames, message.fieldtypes, strict=True))
-    fields = []
+    fields: list[tuple] = []
     for name, length in zip(message.ordered_fieldnames, message.array_lengths, strict=True):
         if types[name] == "char":
             fields.append((name, f"S{max(length, 1)}"))
@@ -98,7 +105,7 @@ def scan(data: np.ndarray) -> np.ndarray:
 def payloads(data: np.ndarray, frames: np.ndarray, msgid: int, extra: np.dtype) -> np.ndarray:
     """(n,) structured: the fields of ``frames``, all of message ``msgid``, then ``extra`` fields as zeros."""
     layout = dialect().layouts[msgid]
-    both = [*((name, *layout.fields[name][:1]) for name in layout.names), *extra.descr]
+    both = [*((name, _field(layout, name)[0]) for name in layout.fields or ()), *extra.descr]
     out = np.zeros(frames.size, both)
     _gather(data, frames["offset"], frames["version"], frames["length"], layout.itemsize, out.view(np.uint8))
     return out

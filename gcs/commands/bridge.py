@@ -87,9 +87,13 @@ def _instrument(kind: Literal["theodolite", "radar"]):
         known = [sensor.name for sensor in resolved.sensor if sensor.kind == kind]
         if name not in known:
             raise InputError(f"{station}: no {kind} {name!r}; it has {', '.join(known) or 'none'}")
-        if (udp is None) == (file is None):
+        origin: tuple[str, int] | Path
+        if udp is not None and file is None:
+            origin, pace = _address(udp), {}
+        elif file is not None and udp is None:
+            origin, pace = file, {"speed": speed}
+        else:
             raise InputError("name one origin: --udp HOST:PORT or --file FILE.csv")
-        origin, pace = (file, {"speed": speed}) if file else (_address(udp), {})
         with _bridge_bus(resolved) as bus:
             source = {"theodolite": theodolite, "radar": radar}[kind]
             source.run(bus, name, origin, stopped(), **pace)

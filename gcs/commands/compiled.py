@@ -41,8 +41,10 @@ def _compile() -> None:
     from filters.models.rows import CHANNELS, Sensor
 
     every = np.ones(len(CHANNELS))
-    errors = {"estimate": ("bias", "clock")}
-    sensors = [Sensor("ins", "ins", every), Sensor("theodolite", "theodolite", every, **errors)]
+    sensors = [
+        Sensor("ins", "ins", every),
+        Sensor("theodolite", "theodolite", every, estimate=("bias", "clock")),
+    ]
     for method in ("default", "ga-bp-ukf"):
         methods.make(method, sensors).warm_up()
 

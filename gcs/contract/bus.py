@@ -29,7 +29,7 @@ import msgspec
 import zenoh
 from zenoh import ext
 
-from gcs.contract.messages import JSON, Bad, InputError, decode, encode
+from gcs.contract.messages import ANY, JSON, Bad, InputError, decode, encode
 
 ENDPOINT = "tcp/127.0.0.1:7447"
 KEEP = 2_000  # samples each key keeps for late joiners and recovery: 20 s at 100 Hz
@@ -64,7 +64,7 @@ class Subscription:
         with self._filled:
             return time.monotonic() - self._queue[0][0] if self._queue else 0.0
 
-    def drain(self, timeout_s: float = 0.1) -> list[tuple[str, msgspec.Struct]]:
+    def drain(self, timeout_s: float = 0.1) -> list[tuple[str, ANY]]:
         """All queued ``(source, message)`` in arrival order; waits at most ``timeout_s`` for the first.
 
         A payload on ``raw/*`` that is none of ours comes out as ``Bad``, so that it gets its verdict;
@@ -86,7 +86,7 @@ class Subscription:
 
     def _begin(self, history: list[zenoh.Sample]) -> None:
         with self._filled:
-            for sample in history + self._early:
+            for sample in history + (self._early or []):
                 self._take(sample)
             self._early = None
 
@@ -103,7 +103,7 @@ class Subscription:
     def _count_miss(self, miss: ext.Miss) -> None:
         self.missed += miss.nb
 
-    def _decode(self, sample: zenoh.Sample) -> tuple[str, msgspec.Struct] | None:
+    def _decode(self, sample: zenoh.Sample) -> tuple[str, ANY] | None:
         key, payload = str(sample.key_expr), sample.payload.to_bytes()
         _, _, subject, source = (key + "/").split("/")[:4]
         try:
@@ -123,7 +123,7 @@ class Bus:
         self._session, self._prefix, self._media, self._settled_s = session, prefix, media, settled_s
         self._publishers: dict[str, ext.AdvancedPublisher] = {}
         self._alive: set[str] = set()
-        self._held = [
+        self._held: list[object] = [
             session.liveliness().declare_subscriber(f"{prefix}/alive/*", self._on_liveliness, history=True)
         ]
         self.serve("here", lambda: (b"", "zenoh/bytes"))
@@ -176,7 +176,7 @@ class Bus:
         self._ask(f"{self._prefix}/here")
         self._session.close()
 
-    def publish(self, subject: str, message: msgspec.Struct, source: str = "") -> None:
+    def publish(self, subject: str, message: ANY, source: str = "") -> None:
         """Put one message on ``subject[/source]``. Waits while readers are behind, rather than lose it."""
         payload, encoding = encode(message, self._media)
         key = f"{subject}/{source}" if source else subject

@@ -6,6 +6,7 @@ name nobody knows, the names that are valid.
 
 import re
 import tomllib
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -27,7 +28,7 @@ class _Section(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, frozen=
     pass
 
 
-class Position(_Section):
+class Position(_Section, frozen=True):
     """WGS84; ``alt_m`` is above the ellipsoid."""
 
     lat_deg: Latitude
@@ -35,17 +36,17 @@ class Position(_Section):
     alt_m: Height
 
 
-class RangeSection(_Section):
+class RangeSection(_Section, frozen=True):
     origin: Position | None = None  # None: the flight's first position
     name: Name = "range"  # first chunk of every key
 
 
-class VehicleSection(_Section):
+class VehicleSection(_Section, frozen=True):
     name: Name = "uav1"
     system_id: Annotated[int, Meta(ge=1, le=255)] | None = None  # None: the only vehicle in the log
 
 
-class SensorSigma(_Section):
+class SensorSigma(_Section, frozen=True):
     """Measurement noise, 1 sigma. Left out: what is usual for the kind (``KIND_SIGMA``)."""
 
     range_m: Sigma | None = None
@@ -54,7 +55,7 @@ class SensorSigma(_Section):
     range_rate_mps: Sigma | None = None
 
 
-class SensorPrior(_Section):
+class SensorPrior(_Section, frozen=True):
     """How large a systematic error may be before it is known, 1 sigma."""
 
     range_m: Sigma = 5.0  # a wrong prism constant or an uncalibrated delay
@@ -69,7 +70,7 @@ KIND_SIGMA = {
 }
 
 
-class SensorSection(_Section):
+class SensorSection(_Section, frozen=True):
     name: Name
     kind: Literal["theodolite", "radar"]
     position: Position
@@ -87,7 +88,7 @@ class SensorSection(_Section):
         return {f.rsplit("_", 1)[0]: s for f, s in named.items() if s is not None}
 
 
-class InsSection(_Section):
+class InsSection(_Section, frozen=True):
     """The autopilot's own estimate. Defaults fit ArduPilot and PX4 with a single GPS receiver."""
 
     position_m: Sigma = 0.3  # white part of the position error; the slow part is the filter's bias state
@@ -98,31 +99,31 @@ class InsSection(_Section):
     geoid_separation_m: Annotated[float, Meta(ge=-110.0, le=90.0)] | None = None  # None: the receiver's own
 
 
-class MavlinkSection(_Section):
+class MavlinkSection(_Section, frozen=True):
     link: str = "udpin:127.0.0.1:14550"  # where ground stations listen; any pymavlink address
 
 
-class BusSection(_Section):
+class BusSection(_Section, frozen=True):
     mode: Literal["router", "client", "peer"] = "router"  # router: the station itself, for one machine
     endpoint: str = "tcp/127.0.0.1:7447"  # zenoh's own port, on loopback
     media: Literal["json", "msgpack"] = "json"  # msgpack where the link is thin
 
 
-class ViewSection(_Section):
+class ViewSection(_Section, frozen=True):
     port: Annotated[int, Meta(ge=1, le=65535)] = 8080
 
 
-class AlignSection(_Section):
+class AlignSection(_Section, frozen=True):
     hold_s: Annotated[float, Meta(ge=0.0, le=2.0)] = 0.3  # longest wait for a slower source, live only
 
 
-class ScreeningSection(_Section):
+class ScreeningSection(_Section, frozen=True):
     on: bool = (
         True  # each raw channel of the instruments watched alone too: a witness in the record, no judge
     )
 
 
-class Station(_Section):
+class Station(_Section, frozen=True):
     range: RangeSection = RangeSection()
     vehicle: VehicleSection = VehicleSection()
     sensor: list[SensorSection] = []
@@ -135,7 +136,7 @@ class Station(_Section):
     filter: dict[str, float | int | bool | str] = {}  # filters.window.estimator.Settings by name
 
 
-def load(path: Path | None, overrides: list[str] = ()) -> Station:
+def load(path: Path | None, overrides: Sequence[str] = ()) -> Station:
     """The station in ``path`` (defaults for None) with ``KEY=VALUE`` overrides such as ``ins.height_m=2``.
 
     Raises ``InputError``.
@@ -145,7 +146,7 @@ def load(path: Path | None, overrides: list[str] = ()) -> Station:
     try:
         tree = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        what, line = re.fullmatch(r"(.*?)(?: \(at line (\d+), .*\))?", str(error)).groups()
+        what, line = re.fullmatch(r"(.*?)(?: \(at line (\d+), .*\))?", str(error)).groups()  # type: ignore[union-attr]
         raise InputError(f"{where}:{line or 1}: not TOML: {what[0].lower()}{what[1:]}") from None
     for override in overrides:
         _override(tree, override)
@@ -234,7 +235,8 @@ def _line_of(text: str, steps: list) -> int:
     """The line where the setting at ``steps`` stands: its own, else its section's, else 1."""
     section, key = steps[0] if steps else "", next((s for s in reversed(steps) if isinstance(s, str)), "")
     nth = next((s for s in steps if isinstance(s, int)), 0)
-    found, current, seen = 1, "", {}
+    found, current = 1, ""
+    seen: dict[str, int] = {}
     for number, line in enumerate(text.splitlines(), 1):
         header = re.match(r"\s*\[+\s*([\w.-]+)\s*\]+", line)
         if header:

@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pymap3d
+from numpy.typing import ArrayLike
 
 from gcs.contract.config import Position, SensorSection, Station
 from gcs.contract.messages import Instrument, Scene
@@ -16,7 +17,7 @@ class Frame(NamedTuple):
     lon_deg: float
     alt_m: float
 
-    def to_enu(self, lat_deg: np.ndarray, lon_deg: np.ndarray, alt_m: np.ndarray) -> np.ndarray:
+    def to_enu(self, lat_deg: ArrayLike, lon_deg: ArrayLike, alt_m: ArrayLike) -> np.ndarray:
         """(n, 3) station ENU in m of WGS84 positions, each (n,)."""
         return np.stack(pymap3d.geodetic2enu(lat_deg, lon_deg, alt_m, *self), axis=-1)
 

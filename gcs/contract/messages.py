@@ -184,13 +184,13 @@ _json_encoder, _msgpack_encoder = msgspec.json.Encoder(), msgspec.msgpack.Encode
 _json_decoder, _msgpack_decoder = msgspec.json.Decoder(ANY), msgspec.msgpack.Decoder(ANY)
 
 
-def encode(message: _Message, media: str = JSON) -> tuple[bytes, str]:
+def encode(message: ANY, media: str = JSON) -> tuple[bytes, str]:
     """Return (payload, encoding string)."""
     encoder = _msgpack_encoder if media == MSGPACK else _json_encoder
     return encoder.encode(message), f"{media};gcs.{type(message).__name__}"
 
 
-def decode(payload: bytes, encoding: str = JSON) -> _Message:
+def decode(payload: bytes, encoding: str = JSON) -> ANY:
     """The message in ``payload``. Raises ``msgspec.ValidationError`` when it is none of ours."""
     return (_msgpack_decoder if encoding.startswith(MSGPACK) else _json_decoder).decode(payload)
 
@@ -200,7 +200,7 @@ def schema() -> dict:
     return msgspec.json.schema(ANY)
 
 
-def columns(message_type: type) -> np.dtype:
+def columns(message_type: type[_Message]) -> np.dtype:
     """The numpy dtype of many measurements of one type: times int64, the rest float64 with NaN for None."""
     names = message_type.__struct_fields__
     return np.dtype([(name, "i8" if name.endswith("_ns") else "f8") for name in names])
@@ -211,7 +211,7 @@ POLAR = columns(PolarMeasurement)
 AIR = columns(AirData)
 
 
-def to_columns(messages: Iterable[_Message], message_type: type) -> np.ndarray:
+def to_columns(messages: Iterable[_Message], message_type: type[_Message]) -> np.ndarray:
     """(n,) structured array of ``columns(message_type)``."""
     rows = [
         tuple(np.nan if v is None else v for v in msgspec.structs.astuple(message)) for message in messages

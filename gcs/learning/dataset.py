@@ -7,7 +7,7 @@ import csv
 import zlib
 from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -107,7 +107,7 @@ def _instrument(number, rng) -> Sensor:
     kind = "radar" if rng.random() < 1 / 3 else "theodolite"
     usual = config.KIND_SIGMA[kind]
     sigma = np.full(len(CHANNELS), np.nan)
-    said = [usual.range_m, np.radians(usual.azimuth_deg), np.radians(usual.elevation_deg)]
+    said = [usual.range_m, np.radians(usual.azimuth_deg), np.radians(usual.elevation_deg)]  # type: ignore[arg-type]
     said += [usual.range_rate_mps] if kind == "radar" else []
     sigma[: len(said)] = np.array(said) * 3.0 ** rng.uniform(-1.0, 1.0)
     away_m, bearing = rng.uniform(*AROUND_M), rng.uniform(0.0, 2 * np.pi)
@@ -190,6 +190,7 @@ def gather(
     """All flights, simulated ``numbers`` and run ``folders``; what lies in ``out`` is not flown again."""
     cache = out / f"flights-{_filter_key(settings):08x}"
     cache.mkdir(parents=True, exist_ok=True)
+    wanted: list[tuple[str, Callable[[Any, Settings], Flown], Any]]
     wanted = [(f"simulated-{n}", simulated, n) for n in numbers]
     wanted += [(f"run-{folder.name}", from_run, folder) for folder in folders]
     flights = []

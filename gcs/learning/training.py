@@ -11,7 +11,7 @@ import json
 from collections.abc import Callable
 from importlib.util import find_spec
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -65,7 +65,7 @@ def run(
     say(f"{len(split.fit)} flights to learn, {len(split.check)} to check, {len(split.held_out)} held out")
     net = learn(split, plan)
     held_out = [effect(net, flown) for flown in split.held_out]
-    report = {
+    report: dict[str, Any] = {
         "training": plan._asdict() | {"filter": settings._asdict(), "flights": flights},
         "data": {name: [flown.name for flown in part] for name, part in split._asdict().items()},
         "network": {"limit": net.limit.round(3).tolist(), "gain": net.gain.round(3).tolist()},

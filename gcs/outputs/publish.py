@@ -5,14 +5,14 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 
 from gcs.contract.frames import Frame
-from gcs.contract.messages import CHANNELS, VERDICTS, Event, State, Verdict
+from gcs.contract.messages import ANY, CHANNELS, VERDICTS, Event, State, Verdict
 from gcs.station.health import Monitor
 from gcs.station.ledger import NO_TIME, Ledger
 from gcs.station.session import Update
 
 LOWER = np.tril_indices(9)
 SEVERITY = np.array([1, 2, 3, 4, 5, 0, 0])  # of VERDICTS: the worst channel speaks for the measurement
-Target = Callable[[str, object, str], None]  # (subject, message, source)
+Target = Callable[[str, ANY, str], None]  # (subject, message, source)
 
 
 class Publisher:
@@ -36,7 +36,7 @@ class Publisher:
     def close(self, summary: dict, best: np.ndarray) -> None:
         self._send("event", Event(t_ns=self._monitor.now_ns, level="info", text="end of data"))
 
-    def _send(self, subject: str, message: object, source: str = "") -> None:
+    def _send(self, subject: str, message: ANY, source: str = "") -> None:
         for target in self._targets:
             target(subject, message, source)
 

@@ -20,6 +20,7 @@ RECKONED_QUALITY = 10.0  # at best, of 100
 HALF_QUALITY_M = 10.0
 VELOCITY_VAR, ACCELERATION_VAR = 1.0, 9.0  # gusts (m/s)², turns (m/s²)²; both beside the wind's own
 BARO_SIGMA_M, BARO_DRIFT_MPS = 1.0, 0.05  # of a height carried on by the barometer
+NEEDED = ("airspeed_mps", "alt_msl_m", "roll_deg", "pitch_deg", "yaw_deg")
 
 
 class Air:
@@ -30,13 +31,14 @@ class Air:
         self._recent = np.empty(0, TRACK)
         self._estimator: winds.WindEstimator | None = None
         self._reckoning: winds.DeadReckoning | None = None
+        self._last = 0, 0.0, np.zeros(2)  # of the reckoning: t ns, height m, position east and north m
         self._told_ns = self._emitted_ns = self._sampled_ns = 0
         self._history: list[Wind] = []
         self._reckoned = 0
 
     def enter(self, samples: np.ndarray) -> None:
         """Take (n,) AIR in any order; what is not finite is no air data."""
-        good = np.isfinite([samples[name] for name in AIR.names[2:7]]).all(axis=0)
+        good = np.isfinite([samples[name] for name in NEEDED]).all(axis=0)
         waiting = np.concatenate([self._waiting, samples[good]])
         self._waiting = waiting[np.argsort(waiting["t_ns"], kind="stable")]
 
@@ -51,7 +53,8 @@ class Air:
             self._recent = _newest(np.concatenate([self._recent, track]))
             return track, []
         known, flown = np.concatenate([self._recent, track]), np.concatenate([self._flown, samples])
-        begin, out, told = len(self._recent), [], []
+        begin, out = len(self._recent), []
+        told: list[Wind | Event] = []
         at = np.searchsorted(known["t_ns"], samples["t_ns"], side="right")
         for sample, end in zip(samples, at.tolist(), strict=True):
             if end > begin:
@@ -69,8 +72,11 @@ class Air:
         if self._estimator is None:
             return None
         known = [wind for wind in self._history if wind.known]
-        compared = [wind for wind in known if wind.own_speed_mps is not None]
-        own = [_en(wind.own_speed_mps, wind.own_from_deg) for wind in compared]
+        own = [
+            _en(wind.own_speed_mps, wind.own_from_deg)
+            for wind in known
+            if wind.own_speed_mps is not None and wind.own_from_deg is not None
+        ]
         return {
             "median": _median([(wind.e_mps, wind.n_mps) for wind in known]),
             "autopilot_median": _median(own),
@@ -117,7 +123,8 @@ class Air:
         if self._reckoning is None:
             if _through_air(sample)[0] < estimator.settings.least_mps:
                 return known[:0]
-            self._begin(known[np.searchsorted(known["t_ns"], fixed_ns) :][0], flown, t_ns)
+            anchor = known[np.searchsorted(known["t_ns"], fixed_ns) :][0]
+            self._reckoning = self._begin(estimator, anchor, flown, t_ns)
             text = "no position or velocity for 2 s: dead reckoning by air data and wind"
             told.append(Event(t_ns=t_ns, level="warning", text=text))
         before_ns, height_m, position = self._last
@@ -128,22 +135,26 @@ class Air:
         if t_ns <= self._emitted_ns:
             return known[:0]
         self._emitted_ns, self._reckoned = t_ns, self._reckoned + 1
-        return self._row(t_ns, after, covariance, (*((after - position) / dt_s), up_mps))
+        velocity = (*((after - position) / dt_s), up_mps)
+        return self._row(t_ns, after, covariance, velocity, estimator.wind.covariance)
 
-    def _begin(self, anchor, flown: np.ndarray, t_ns: int) -> None:
+    def _begin(
+        self, estimator: winds.WindEstimator, anchor: np.void, flown: np.ndarray, t_ns: int
+    ) -> winds.DeadReckoning:
         """Start at ``anchor``, the last row that had a fix, over the samples since then, up to ``t_ns``."""
         self._anchor = anchor
         position, covariance = anchor["x"][:2], anchor["P"][:2, :2]
-        self._reckoning = self._estimator.carry(int(anchor["t_ns"]), position, covariance)
+        reckoning = estimator.carry(int(anchor["t_ns"]), position, covariance)
         since = flown[(flown["t_ns"] > anchor["t_ns"]) & (flown["t_ns"] < t_ns)]
         height = flown["alt_msl_m"][min(np.searchsorted(flown["t_ns"], anchor["t_ns"]), len(flown) - 1)]
         self._height_m = float(height)
         self._last = int(anchor["t_ns"]), self._height_m, position
         for sample in since:
-            position, _ = self._reckoning.step(int(sample["t_ns"]), *_through_air(sample))
+            position, _ = reckoning.step(int(sample["t_ns"]), *_through_air(sample))
             self._last = int(sample["t_ns"]), float(sample["alt_msl_m"]), position
+        return reckoning
 
-    def _row(self, t_ns: int, position, covariance, velocity) -> np.ndarray:
+    def _row(self, t_ns: int, position, covariance, velocity, wind_covariance) -> np.ndarray:
         """(1,) TRACK: level by air data and wind, height by the barometer since the last fix."""
         anchor, row = self._anchor, np.zeros(1, TRACK)
         gone_s = (t_ns - int(anchor["t_ns"])) * 1e-9
@@ -152,7 +163,7 @@ class Air:
         x[3:6] = velocity
         P[:2, :2] = covariance
         P[2, 2] = anchor["P"][2, 2] + BARO_SIGMA_M**2 + (BARO_DRIFT_MPS * gone_s) ** 2
-        P[3:5, 3:5] = self._estimator.wind.covariance
+        P[3:5, 3:5] = wind_covariance
         P[range(3, 6), range(3, 6)] += VELOCITY_VAR
         P[range(6, 9), range(6, 9)] = ACCELERATION_VAR
         row["t_ns"], row["fixed_ns"], row["reset_counter"] = t_ns, anchor["t_ns"], anchor["reset_counter"]

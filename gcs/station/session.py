@@ -148,7 +148,7 @@ def pace(times: list[np.ndarray]) -> dict:
 def settings_of(station: Station) -> estimator.Settings:
     """The filter's settings as the station file has them. Raises InputError for a name that is none."""
     try:
-        return estimator.Settings(**station.filter)
+        return estimator.Settings(**station.filter)  # type: ignore[arg-type]
     except TypeError:
         valid = estimator.Settings._fields
         unknown = ", ".join(sorted(set(station.filter) - set(valid)))

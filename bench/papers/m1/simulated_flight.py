@@ -32,7 +32,7 @@ FIRST_OUTLIER = 10  # step; earlier, with one instrument and an unknown start, n
 class Method(NamedTuple):
     """A trajectory filter as it is compared."""
 
-    track: Callable  # as `baselines_m1.ekf`
+    track: Callable  # as `baselines.ekf`
     net: correction.Network | None
     jerk_psd: float  # m²/s⁵
 

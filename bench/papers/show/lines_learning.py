@@ -8,7 +8,7 @@ KINDS = {"position_m": "position", "velocity_mps": "velocity", "acceleration_mps
 
 
 def lines(found: dict) -> list[Line]:
-    """Rows 4 to 6 out of what `papers_measure.m1` found."""
+    """Rows 4 to 6 out of what `papers.measure.m1` found."""
     network = found["network"]
     total = network["total"]
     ratios = (

@@ -13,7 +13,7 @@ SPEED_ERROR_MPS, DIRECTION_ERROR_DEG = 0.3, 3.0
 
 
 def lines(found: dict) -> list[Line]:
-    """Rows 8 to 10 out of what `papers_measure.m2` found."""
+    """Rows 8 to 10 out of what `papers.measure.m2` found."""
     without_m, corrected_m = found["navigation"]
     navigation = Line(
         9,
