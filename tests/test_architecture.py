@@ -6,6 +6,7 @@ import subprocess
 import sys
 from collections import Counter
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -24,6 +25,11 @@ EXEMPT = {  # rule → folders that it does not hold
 
 def files(*tops: str) -> list[Path]:
     return sorted(path for top in tops for path in (ROOT / top).rglob("*.py"))
+
+
+@cache
+def tree(path: Path) -> ast.Module:
+    return ast.parse(path.read_text(encoding="utf-8"))
 
 
 def place(path: Path) -> str:
@@ -65,7 +71,7 @@ def may_import(here: str, there: str) -> bool:
 
 def modules(path: Path) -> Iterator[tuple[ast.stmt, str]]:
     """Every module or name that a file imports, wherever in it: ``from a import b`` is a.b."""
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in ast.walk(tree(path)):
         if isinstance(node, ast.Import):
             yield from ((node, alias.name) for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
@@ -122,12 +128,13 @@ def test_every_folder_of_the_table_is_there():
 
 @pytest.mark.parametrize("path", files("gcs", "bridges", "filters", "web"), ids=place)
 def test_libraries_stay_where_they_belong(path):
-    tree = ast.parse(path.read_text(encoding="utf-8"))
     for node, module in modules(path):
         library = module.split(".")[0]
         if library in LIBRARIES:
             assert within(place(path), {LIBRARIES[library]}), f"{place(path)} imports {module}"
-        assert library != "torch" or node not in tree.body, f"{place(path)} imports torch before it is needed"
+        assert library != "torch" or node not in tree(path).body, (
+            f"{place(path)} imports torch before it is needed"
+        )
 
 
 @pytest.mark.parametrize("path", files(*PACKAGES, "tests"), ids=place)
@@ -143,7 +150,7 @@ def test_folders_are_seen_at_a_glance():
 def test_a_class_name_has_one_meaning():
     found: dict[str, list[str]] = {}
     for path in held("class names", *PACKAGES, "tests"):
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        for node in ast.walk(tree(path)):
             if isinstance(node, ast.ClassDef):
                 found.setdefault(node.name, []).append(place(path))
     assert {name: places for name, places in found.items() if len(places) > 1} == {}
@@ -171,7 +178,7 @@ class Signature(NamedTuple):
 
 
 def signatures(path: Path, node: ast.AST | None = None, public: bool = True) -> Iterator[Signature]:
-    for child in ast.iter_child_nodes(node or ast.parse(path.read_text(encoding="utf-8"))):
+    for child in ast.iter_child_nodes(node or tree(path)):
         if isinstance(child, ast.FunctionDef):
             marks = {getattr(getattr(d, "func", d), "id", "") for d in child.decorator_list}
             named = not child.name.startswith("_") or child.name in ("__init__", "__call__")

@@ -104,6 +104,7 @@ def figures(name):
     return accuracy.summary(case, "default", runs)["figures"]
 
 
+@pytest.mark.slow
 def test_few_outliers_cost_little():
     found = figures("4 %")
     assert found["ratio_median"] < 1.3
@@ -113,12 +114,14 @@ def test_few_outliers_cost_little():
     assert found["found_patch"] > 0.95
 
 
+@pytest.mark.slow
 def test_robustness_costs_nothing_where_nothing_is_wrong():
     found = figures("normal")
     assert found["ratio_worst"] < 1.05
     assert found["false_per_10000"] < 20.0
 
 
+@pytest.mark.slow
 def test_a_constant_offset_of_one_instrument_is_seen_through():
     case = Case("x", 3, patch=Patch("offset"))
     runs = [measure(case, seed, 31.0, ("default",))["default"] for seed in SEEDS]
@@ -127,11 +130,13 @@ def test_a_constant_offset_of_one_instrument_is_seen_through():
     assert found["back_median_s"] <= 1.0
 
 
+@pytest.mark.slow
 def test_late_rows_end_in_the_same_track():
     case = Case("late", 7, share=0.041, late_share=0.1)
     assert measure(case, 5, 12.0, ("default",))["default"]["late_m"] <= 1e-9
 
 
+@pytest.mark.slow
 def test_run_writes_what_it_returns(tmp_path):
     out = tmp_path / "bench.json"
     found = accuracy.run(2, 5, 15.0, ("4 %",), ("ukf", "wolf"), 1, out)
@@ -149,6 +154,7 @@ def test_unknown_names_are_refused_with_the_known_ones():
         accuracy.run(methods=("nonsense",))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("peer", [peers.ours, peers.filterpy, peers.stonesoup])
 def test_peers_end_where_the_textbook_does(peer):
     """Otherwise the speeds of different work would be compared. The C++ one compiles too long for here."""

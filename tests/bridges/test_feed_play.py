@@ -22,6 +22,7 @@ def free_port():
         return probe.getsockname()[1]
 
 
+@pytest.mark.network
 def test_udp_to_bus():
     bus, stop, port = FakeBus(), threading.Event(), free_port()
     bridge = threading.Thread(target=feed.run, args=(bus, "theo", ("127.0.0.1", port), stop))
@@ -49,6 +50,7 @@ def test_udp_to_bus():
     assert bad.where == f"udp 127.0.0.1:{port} #501"
 
 
+@pytest.mark.network
 def test_busy_port_is_refused_in_one_line():
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
         other.bind(("127.0.0.1", 0))

@@ -10,6 +10,8 @@ import pytest
 from tests.web.flight import SCENE, messages
 from web.view import View, ViewError, run
 
+pytestmark = pytest.mark.network
+
 
 @pytest.fixture
 def port() -> int:

@@ -14,6 +14,7 @@ def test_jacobian_by_finite_differences():
         np.testing.assert_allclose(baselines.jacobian(p)[:, axis], slope, rtol=1e-6, atol=1e-10)
 
 
+@pytest.mark.slow
 def test_three_filters_agree_where_the_start_is_known():
     run = simulated_flight.fly(np.random.default_rng(1), start_m=3.0)
     args = (run.z, simulated_flight.SIGMA, run.x, run.P, simulated_flight.STEP_S, simulated_flight.JERK_PSD)
@@ -38,11 +39,13 @@ def errors(track, runs) -> np.ndarray:
     return simulated_flight.errors(simulated_flight.Method(track, None, simulated_flight.JERK_PSD), runs)
 
 
+@pytest.mark.slow
 def test_simulation_1_half_the_error_of_the_ekf(flown):
     ours, ekf = (np.abs(errors(track, flown[0])).mean() for track in (simulated_flight.m1_ukf, baselines.ekf))
     assert ours < 0.5 * ekf
 
 
+@pytest.mark.slow
 def test_simulation_2_outliers_cost_ours_little_and_the_others_much(flown):
     def rise(track):
         clean, dirty = (errors(track, runs) for runs in flown)
@@ -75,6 +78,7 @@ def test_wavelet_takes_noise_off():
     assert np.sqrt((left[40:-20] ** 2).mean()) < 0.6
 
 
+@pytest.mark.slow
 def test_smoothness_of_a_hovering_target():
     pytest.importorskip("pywt")
     found = smoothness.smoothness("hover", 2)

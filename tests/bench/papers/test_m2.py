@@ -33,6 +33,7 @@ def test_wind_correction_halves_the_position_error():
     assert corrected <= 5.0
 
 
+@pytest.mark.slow
 def test_fixed_wing_in_eight_metres_a_second_from_310():
     air = recorded("plane_wind8")
     found = wind.follow(air)

@@ -2,11 +2,11 @@
 
 import json
 import re
+from importlib.util import find_spec
 
 import numpy as np
 import pytest
 
-pytest.importorskip("torch")
 pytest.importorskip("pywt")
 image = pytest.importorskip("matplotlib.image")
 
@@ -17,6 +17,12 @@ from bench.papers.show import lines_m2  # noqa: E402
 from bench.papers.show.report import Drawn, Grid, Line, terminal, write  # noqa: E402
 from filters.correction import train  # noqa: E402
 from gcs.contract.messages import InputError  # noqa: E402
+
+pytestmark = [
+    pytest.mark.torch,
+    pytest.mark.slow,
+    pytest.mark.skipif(find_spec("torch") is None, reason="needs torch"),
+]
 
 FEW = Counts(
     runs=4, lessons=75, tuning=1, trainings=1, theodolites=1, flights=5, unseen=1, winds=4, records=1,

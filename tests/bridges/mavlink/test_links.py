@@ -11,6 +11,8 @@ from bridges.mavlink.flightclock import S
 from tests.bridges.fake import SortingBus
 from tests.bridges.flights import START_US, flight, packed
 
+pytestmark = pytest.mark.network
+
 
 def free_port(kind=socket.SOCK_DGRAM) -> int:
     with socket.socket(socket.AF_INET, kind) as probe:

@@ -31,6 +31,7 @@ def compare(path, system_id=1):
         yield a, b[-a.size :]
 
 
+@pytest.mark.slow
 def test_live_and_log_give_the_same_measurements(tmp_path):
     path = write(tmp_path / "flight.tlog", packed(flight(30, delay_s=0.05)))
     for ours, logged in compare(path):
@@ -40,6 +41,7 @@ def test_live_and_log_give_the_same_measurements(tmp_path):
                 assert ours[name] == pytest.approx(logged[name], abs=1e-9, nan_ok=True)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["codelever_16-58-51", "codelever_18-50-10"])
 def test_live_and_log_agree_on_real_flights(name):
     log = oracle.DATA / f"{name}.tlog"

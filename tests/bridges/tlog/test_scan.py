@@ -33,6 +33,7 @@ def scanned(blob: bytes) -> tuple[np.ndarray, np.ndarray]:
     return data, scan.scan(data)
 
 
+@pytest.mark.slow
 @each_log
 def test_has_every_message_pymavlink_decodes_field_by_field(log):
     seen, glued = oracle.pymavlink_messages(log)
@@ -45,6 +46,7 @@ def test_has_every_message_pymavlink_decodes_field_by_field(log):
     assert oracle.differences(seen, data, found, every=9) == []
 
 
+@pytest.mark.slow
 @each_log
 def test_damaged_logs_lose_nothing_pymavlink_finds(log, tmp_path):
     data, path = log.read_bytes(), tmp_path / "damaged.tlog"

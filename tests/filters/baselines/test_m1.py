@@ -1,12 +1,15 @@
 """The GA-BP-UKF paper's outlier handling, as the named method."""
 
 import numpy as np
+import pytest
 
 from filters.baselines import m1
 from filters.correction.correction import Correction, Network
 from filters.methods import make
 from filters.models.rows import AZIMUTH, ELEVATION, ISOLATED, PATCH, RANGE, USED
 from tests.filters import scenes
+
+pytestmark = pytest.mark.decision
 
 
 def hit(rows, sensor, channel, first, count, size):
@@ -58,6 +61,7 @@ def test_label_starts_to_count_anew_after_a_good_value():
     assert verdict.tolist() == [ISOLATED, ISOLATED, USED, PATCH, PATCH, PATCH, PATCH, USED]
 
 
+@pytest.mark.slow
 def test_the_correction_changes_the_track_and_nothing_else():
     """A network that always says 0.1 sigma more: the published state moves, the filter does not."""
     _, used, rows, _ = scenes.scene(3, seconds=10.0, level="gentle")

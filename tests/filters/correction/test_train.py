@@ -1,11 +1,14 @@
 """Training, where torch is there."""
 
+from importlib.util import find_spec
+
 import numpy as np
 import pytest
 
 from filters.correction import correction, train
 
-pytest.importorskip("torch")
+pytestmark = [pytest.mark.torch, pytest.mark.skipif(find_spec("torch") is None, reason="needs torch")]
+
 PLAN = train.Plan(hidden=6, population=16, generations=15, epochs=15)
 
 

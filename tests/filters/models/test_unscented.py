@@ -10,6 +10,8 @@ from filters.window import passes as window
 from tests.filters import full_ukf
 from tests.filters.scenes import scene, sensors
 
+pytestmark = pytest.mark.decision
+
 
 def spread_state(rng, sigma=(20.0, 5.0, 2.0)):
     root = rng.normal(size=(9, 9)) * np.repeat(sigma, 3)[:, None]
@@ -67,6 +69,7 @@ def test_gradient_is_the_derivative_where_the_state_is_sharp():
             assert gain[index == i].sum() == pytest.approx((up - down) / (2 * h), rel=1e-6, abs=1e-7)
 
 
+@pytest.mark.slow
 def test_a_whole_flight_equals_filterpy():
     _, used, rows, _ = scene(11, seconds=20.0, names=("theo-a", "theo-b", "radar"))
     built = model.build(used, 10.0, 2.5, 90.0)

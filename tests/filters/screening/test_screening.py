@@ -8,6 +8,8 @@ from scipy import integrate, optimize, stats
 from filters.screening import screening
 from filters.screening.screening import GOOD, MISSING, OUTLIER, STARTING, Channel, Thresholds, screen
 
+pytestmark = pytest.mark.decision
+
 RATE_HZ = 20.0
 
 

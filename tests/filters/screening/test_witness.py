@@ -9,6 +9,8 @@ from filters.screening import screening
 from filters.screening.witness import Nobody, Witness
 from filters.simulation import simulate
 
+pytestmark = pytest.mark.decision
+
 CASE = next(case for case in cases.CASES if case.name == "4 %")
 
 

@@ -1,9 +1,12 @@
 """The book of rows against a plain dictionary."""
 
 import numpy as np
+import pytest
 
 from filters.models.rows import ROW, USED
 from filters.window.book import Book
+
+pytestmark = pytest.mark.decision
 
 
 def some(rng, n: int) -> np.ndarray:

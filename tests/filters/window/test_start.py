@@ -9,6 +9,8 @@ from filters.window import start
 from tests.filters.full_ukf import value
 from tests.filters.scenes import sensors
 
+pytestmark = pytest.mark.decision
+
 TARGET = np.array([150.0, 220.0, 130.0, 0, 0, 0, 0, 0, 0])
 
 

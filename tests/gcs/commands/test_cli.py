@@ -114,6 +114,7 @@ def test_ports_that_are_taken(refused, tmp_path):
         )
 
 
+@pytest.mark.network
 def test_no_router(refused, tmp_path):
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))

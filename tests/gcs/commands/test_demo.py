@@ -24,6 +24,7 @@ def ports():
         return bus.getsockname()[1], link.getsockname()[1]
 
 
+@pytest.mark.network
 def test_the_demo_flies_live_and_ends(tmp_path, ports):
     """All four feeds arrive over Zenoh, MAVLink over UDP, and the run folder is whole."""
     settings = f"bus.endpoint=tcp/127.0.0.1:{ports[0]}", f"mavlink.link=udpin:127.0.0.1:{ports[1]}"
@@ -38,6 +39,7 @@ def test_the_demo_flies_live_and_ends(tmp_path, ports):
     assert len((tmp_path / "track.csv").read_text().splitlines()) > 50
 
 
+@pytest.mark.network
 def test_two_signals_at_once_end_it_cleanly(tmp_path, ports):
     """As a stopped ``make demo`` sends them: one to the group, one from make."""
     settings = f"bus.endpoint=tcp/127.0.0.1:{ports[0]}", f"mavlink.link=udpin:127.0.0.1:{ports[1]}"

@@ -15,6 +15,8 @@ from gcs.contract.bus import Bus, BusError
 from gcs.contract.messages import MSGPACK, Bad, Event, schema
 from tests.gcs.contract.ends import ROOT, client, collect, plain_zenoh, process, shot, state, until
 
+pytestmark = pytest.mark.network
+
 PUBLISHER = """
 endpoint, count, source = sys.argv[1], int(sys.argv[2]), sys.argv[3]
 with Bus.open("demo", "uav1", mode="client", endpoint=endpoint, waiting=print) as bus:

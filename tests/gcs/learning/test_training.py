@@ -163,6 +163,7 @@ def test_a_network_with_a_missing_row_is_refused(tmp_path):
         network.load(tmp_path / "n.json")
 
 
+@pytest.mark.torch
 def test_train_end_to_end(tmp_path, monkeypatch):
     pytest.importorskip("torch")
     monkeypatch.setattr(dataset, "SECONDS", 8.0)

@@ -151,6 +151,7 @@ class Keep:
         self.summary = summary
 
 
+@pytest.mark.slow
 def test_a_recorded_flight_without_any_position_for_a_minute():
     """Wind of 8 m/s from 310°; after the minute the error is a third of that of still air at most."""
     log = DATA / "plane_wind8.tlog"
@@ -180,6 +181,7 @@ def test_a_recorded_flight_without_any_position_for_a_minute():
     assert found["states_reckoned"] > 500
 
 
+@pytest.mark.slow
 def test_a_log_that_says_that_gps_was_lost(tmp_path):
     """The autopilot's own reckoning is refused, each value with its verdict; ours takes over."""
     log = tlog.read(SAMPLE / "flight.tlog")

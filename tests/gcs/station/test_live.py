@@ -20,6 +20,8 @@ from gcs.station import live, replay
 from gcs.station.health import Monitor
 from gcs.station.session import Session
 
+pytestmark = [pytest.mark.network, pytest.mark.slow]
+
 SAMPLE = Path(__file__).resolve().parents[3] / "logs" / "sample"
 FEEDS = {name: SAMPLE / f"{name}.csv" for name in ("theo-north", "theo-east", "radar-1")}
 SECONDS, SPEED = 12.0, 2.0  # of the flight, from before take-off

@@ -65,6 +65,7 @@ def test_every_value_has_exactly_one_verdict(run):
     assert counted == stated
 
 
+@pytest.mark.slow
 def test_the_same_bits_however_the_data_are_cut(run, tmp_path):
     out, _, _ = run
     play(tmp_path, FEEDS, step_ns=70_000_000)
@@ -99,6 +100,7 @@ def test_near_the_truth(run):
         assert rms < limit_m, name
 
 
+@pytest.mark.slow
 def test_damaged_feed_lines_cost_only_themselves(run, tmp_path):
     """NaN, 1e300, text, a missing field, rows repeated and out of order: all judged, the others untouched."""
     lines = (SAMPLE / "radar-1.csv").read_text().splitlines()
@@ -127,6 +129,7 @@ def test_damaged_feed_lines_cost_only_themselves(run, tmp_path):
     assert sum(counts.values()) == sum(clean.values()) - lost + channels
 
 
+@pytest.mark.slow
 def test_a_run_that_is_cut_off_leaves_what_was_final(tmp_path):
     station = config.load(SAMPLE / "station.toml")
     flight = replay.load(SAMPLE / "flight.tlog", station, FEEDS)
