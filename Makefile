@@ -1,8 +1,11 @@
-# Two commands: `make demo` shows the main job, `make test` proves it. Both set up .venv first.
+# `make demo` shows the main job, `make test` proves it, `make check` is what one runs while working: under a
+# minute, without browser, torch, network and whatever takes seconds. All set up .venv first.
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo test bench format clean
+QUICK := not slow and not network and not torch and not browser
+
+.PHONY: demo test check bench format clean
 
 demo: .venv/core
 	$(BIN)/gcs demo
@@ -10,12 +13,20 @@ demo: .venv/core
 test: .venv/test
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+	$(BIN)/mypy
 	$(BIN)/python -m pytest
+	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -m 'decision and not slow'
+
+check: .venv/check
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/python -m pytest -m '$(QUICK)'
 
 bench: .venv/test
-	$(BIN)/gcs bench accuracy
-	$(BIN)/gcs bench speed
-	$(BIN)/gcs bench papers
+	$(BIN)/python -m bench accuracy
+	$(BIN)/python -m bench speed
+	$(BIN)/python -m bench papers
 
 format: .venv/test
 	$(BIN)/ruff check --fix .
@@ -25,6 +36,10 @@ format: .venv/test
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed: make PYTHON=python3.11")'
 	test -x $(BIN)/python || $(PYTHON) -m venv .venv
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable .
+	touch $@
+
+.venv/check: .venv/core
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[test]'
 	touch $@
 
 .venv/test: .venv/core

@@ -19,16 +19,21 @@ without a time as a whole: each becomes one ``Bad`` that names the line, the col
 import json
 import re
 import socket
+import threading
 import time
 from collections.abc import Iterator
 from datetime import UTC, datetime
 from decimal import Decimal, InvalidOperation
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 import numpy as np
 
-from gcs.messages import POLAR, Bad, InputError, PolarMeasurement
+from gcs.contract.messages import POLAR, Bad, InputError, PolarMeasurement
+
+if TYPE_CHECKING:  # a bridge is given its bus; zenoh is loaded by whoever opens it
+    from gcs.contract.bus import Bus
 
 LIMITS = {
     "range_m": (0.0, 1e7),  # farther than any flight test
@@ -96,13 +101,21 @@ def decode(
 
 def measurements(rows: np.ndarray) -> Iterator[PolarMeasurement]:
     """(n,) ``POLAR`` as messages."""
-    names = POLAR.names
+    names = PolarMeasurement.__struct_fields__
     for row in rows.tolist():
         yield PolarMeasurement(**{name: v for name, v in zip(names, row, strict=True) if v == v})
 
 
-def run(bus, name: str, origin, stop, *, columns: tuple[str, ...] = COLUMNS, **pace) -> None:
-    """Put one instrument on ``raw/NAME`` until ``stop`` (an event) is set or its file ends.
+def run(
+    bus: "Bus",
+    name: str,
+    origin: tuple[str, int] | Path,
+    stop: threading.Event,
+    *,
+    columns: tuple[str, ...] = COLUMNS,
+    **pace: Any,
+) -> None:
+    """Put one instrument on ``raw/NAME`` until ``stop`` is set or its file ends.
 
     ``origin`` is the ``(host, port)`` to listen on for JSON lines, or the path of a CSV file, which is played
     at ``pace``: see ``play``. Raises ``FeedError``.
@@ -123,12 +136,21 @@ def timeline(source: str, rows: np.ndarray, bad: list[Bad]) -> list[tuple[int, s
     """``(due_ns, source, message)`` in file order: a late row is due when its place in the file is."""
     due = np.maximum.accumulate(rows["t_ns"]).tolist()
     first = due[0] if due else 0
+    items: list[tuple[int, str, PolarMeasurement | Bad]]
     items = [(t, source, m) for t, m in zip(due, measurements(rows), strict=True)]
     items += [(b.t_ns or first, source, b) for b in bad]
     return sorted(items, key=lambda item: item[0])
 
 
-def play(bus, due: list, stop, *, speed: float = 1.0, begin_ns: int | None = None, now: bool = False) -> None:
+def play(
+    bus: "Bus",
+    due: list[tuple[int, str, PolarMeasurement | Bad]],
+    stop: threading.Event,
+    *,
+    speed: float = 1.0,
+    begin_ns: int | None = None,
+    now: bool = False,
+) -> None:
     """Publish a timeline at ``speed`` times its own pace.
 
     ``begin_ns`` is the flight time at which this call starts (the first item by default): give the same to
@@ -154,7 +176,7 @@ def time_ns(text: str) -> int | None:
         and whole.isascii()
         and (not decimals or (decimals.isdecimal() and decimals.isascii()))
     ):
-        t_ns = int(whole[:12]) * 10**9 + int((decimals + "000000000")[:9])
+        t_ns: int | None = int(whole[:12]) * 10**9 + int((decimals + "000000000")[:9])
     elif iso := ISO.fullmatch(text.strip()):
         t_ns = _iso_ns(*iso.groups())
     else:
@@ -192,8 +214,9 @@ def _parse(table: dict, source: str, where, raw) -> tuple[np.ndarray, list[Bad]]
     for name, (low, high) in LIMITS.items():
         texts = table.get(name)
         rows[name] = np.nan if texts is None else _numbers(texts)
-        for i in np.flatnonzero(~(np.isnan(rows[name]) | ((rows[name] >= low) & (rows[name] <= high)))):
-            if stamps[i] is not None:
+        good = np.isnan(rows[name]) | ((rows[name] >= low) & (rows[name] <= high))
+        for i in np.flatnonzero(~good).tolist():
+            if texts is not None and stamps[i] is not None:
                 refuse(i, f"{name}: {texts[i].strip()[:40]!r} is no number from {low:.0f} to {high:.0f}")
             rows[name][i] = np.nan
     timeless = [i for i, t in enumerate(stamps) if t is None]

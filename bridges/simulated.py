@@ -1,8 +1,7 @@
 """Theodolite and radar feeds that never were, simulated from a flight's truth with all that goes wrong.
 
-    python -m bridges.simulated --truth truth.csv --station station.toml --seed 7 --out DIR
-
-For each instrument of the station file two files, the n-th line of one about the n-th line of the other:
+``run`` plays them onto the bus, ``write_all`` writes them: for each instrument of the station file two files,
+the n-th line of one about the n-th line of the other:
 
 ``NAME.csv``         the feed, as ``bridges.feed`` reads it
 ``NAME.labels.csv``  per channel what was true at the instant of the measurement, without noise and error, and
@@ -14,30 +13,33 @@ either ``t_ns`` or the boot time ``TimeUS``, which needs the flight's log to bec
 the ellipsoid, so the Earth is as round as it is. The same seed gives the same bytes.
 """
 
-import argparse
 import csv
 import gzip
 import json
+import threading
 import tomllib
 from collections.abc import Sequence
 from operator import itemgetter
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from bridges import feed
-from filters import scenario, simulate
-from gcs.messages import CHANNELS, POLAR, InputError
+from filters.simulation import scenario, simulate
+from gcs.contract.messages import CHANNELS, POLAR, InputError
+
+if TYPE_CHECKING:  # a bridge is given its bus; zenoh is loaded by whoever opens it
+    from gcs.contract.bus import Bus
 
 TRUTH = np.dtype([("t_ns", "i8"), ("lat_deg", "f8"), ("lon_deg", "f8"), ("alt_m", "f8")])
 COLUMNS = {"range_m": 3, "azimuth_deg": 6, "elevation_deg": 6, "range_rate_mps": 3}  # decimals in files
 TO_FILE = np.array([1.0, np.degrees(1.0), np.degrees(1.0), 1.0])
 RATE_HZ = {"theodolite": 20.0, "radar": 10.0}
-OUTLIER_SHARE = 0.041  # of a phased-array radar record; see filters.simulate.contaminate
+OUTLIER_SHARE = 0.041  # of a phased-array radar record; see filters.simulation.simulate.contaminate
 
 
-class Instrument(NamedTuple):
+class SimulatedInstrument(NamedTuple):
     """Where it stands (WGS84, ellipsoidal height) and how well it measures."""
 
     name: str
@@ -47,7 +49,7 @@ class Instrument(NamedTuple):
     alt_m: float
     sigma: dict[str, float]  # by names of COLUMNS; a channel left out is not measured
     refraction: str = "none"  # none | optical | radar
-    errors: simulate.Errors = simulate.NO_ERRORS
+    errors: simulate.InstrumentErrors = simulate.NO_ERRORS
 
 
 def read_truth(path: Path, boot_to_utc_ns: int | None = None) -> np.ndarray:
@@ -66,15 +68,16 @@ def read_truth(path: Path, boot_to_utc_ns: int | None = None) -> np.ndarray:
         if "t_ns" not in names and boot_to_utc_ns is None:
             raise feed.FeedError(f"{path}:1: TimeUS is boot time; name the flight's log with --tlog")
         place = itemgetter("lat_deg", "lon_deg", "alt_m")
+        boot_ns = boot_to_utc_ns or 0
         rows = [
-            (int(x["t_ns"]) if "t_ns" in names else boot_to_utc_ns + int(x["TimeUS"]) * 1000, *place(x))
+            (int(x["t_ns"]) if "t_ns" in names else boot_ns + int(x["TimeUS"]) * 1000, *place(x))
             for x in lines
         ]
     return np.array(rows, TRUTH)
 
 
 def observe(
-    truth: np.ndarray, instrument: Instrument, rng: np.random.Generator, share: float
+    truth: np.ndarray, instrument: SimulatedInstrument, rng: np.random.Generator, share: float
 ) -> simulate.Observation:
     """What one instrument sees of the flight, (n,) ``TRUTH``, ``share`` of its values outliers."""
     import pymap3d
@@ -94,7 +97,7 @@ def observe(
 
 
 def observe_all(
-    truth: np.ndarray, instruments: Sequence[Instrument], seed: int, share: float = OUTLIER_SHARE
+    truth: np.ndarray, instruments: Sequence[SimulatedInstrument], seed: int, share: float = OUTLIER_SHARE
 ) -> dict[str, simulate.Observation]:
     """By name; each instrument has its own stream of chance, so adding one changes no other."""
     return {
@@ -103,14 +106,14 @@ def observe_all(
     }
 
 
-def crooked(instruments: Sequence[Instrument], seed: int) -> list[Instrument]:
+def crooked(instruments: Sequence[SimulatedInstrument], seed: int) -> list[SimulatedInstrument]:
     """The same instruments set up with ordinary care: small zero errors, clocks apart, a few dropouts."""
     rng = np.random.default_rng([seed, 0])
     out = []
     for instrument in instruments:
         zero = (rng.normal(0, 1.5), *np.radians(rng.normal(0, 0.01, 2)).tolist(), 0.0)
         clock_s = rng.uniform(-0.08, 0.08)
-        errors = simulate.Errors(zero, clock_s, jitter_s=0.001, gap_share=0.01)
+        errors = simulate.InstrumentErrors(zero, clock_s, jitter_s=0.001, gap_share=0.01)
         out.append(instrument._replace(errors=errors))
     return out
 
@@ -139,20 +142,47 @@ def write(folder: Path, name: str, seen: simulate.Observation) -> None:
         (folder / f"{name}{suffix}.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
-def run(bus, truth: np.ndarray, instruments: Sequence[Instrument], seed: int, stop, **pace) -> None:
-    """Stream all instruments live; ``pace`` as in ``feed.play``."""
+def write_all(
+    folder: Path, truth: np.ndarray, instruments: Sequence[SimulatedInstrument], seed: int, share: float
+) -> None:
+    """Feed and labels of all instruments, ``share`` of the values outliers, and ``injected.json``.
+
+    Raises InputError where nothing can be written.
+    """
+    injected: dict[str, Any] = {"seed": seed, "outlier_share": share}
+    injected |= {instrument.name: _injected(instrument.errors) for instrument in instruments}
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for name, seen in observe_all(truth, instruments, seed, share).items():
+            write(folder, name, seen)
+        (folder / "injected.json").write_text(json.dumps(injected, indent=2) + "\n", encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"{folder}: {error.strerror}; name a folder that can be written") from None
+
+
+def run(
+    bus: "Bus",
+    truth: np.ndarray,
+    instruments: Sequence[SimulatedInstrument],
+    seed: int,
+    stop: threading.Event,
+    *,
+    share: float = OUTLIER_SHARE,
+    **pace: Any,
+) -> None:
+    """Stream all instruments live, ``share`` of the values outliers; ``pace`` as in ``feed.play``."""
     due = []
-    for name, seen in observe_all(truth, instruments, seed).items():
+    for name, seen in observe_all(truth, instruments, seed, share).items():
         bus.declare_alive(name)
         due += feed.timeline(name, to_polar(seen), [])
     feed.play(bus, sorted(due, key=itemgetter(0)), stop, **pace)
 
 
-def instruments_of(station: Path) -> list[Instrument]:
+def instruments_of(station: Path) -> list[SimulatedInstrument]:
     """The instruments of a station file; those without ``sigma`` cannot be simulated."""
     sensors = tomllib.loads(Path(station).read_text(encoding="utf-8")).get("sensor", [])
     return [
-        Instrument(
+        SimulatedInstrument(
             s["name"], s["kind"], **s["position"], sigma=s["sigma"], refraction=s.get("refraction", "none")
         )
         for s in sensors
@@ -161,42 +191,13 @@ def instruments_of(station: Path) -> list[Instrument]:
 
 def boot_to_utc_ns(path: Path) -> int:
     """UTC minus boot time of the only vehicle in a log, at its start."""
-    from bridges import tlog, tlog_flight
+    from bridges.tlog import flight as tlog_flight
+    from bridges.tlog import tlog
 
     return tlog_flight.flight(tlog.read(path)).boots[0].offset_ns
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    parser = argparse.ArgumentParser(prog="python -m bridges.simulated", description=__doc__.splitlines()[0])
-    parser.add_argument("--truth", type=Path, required=True)
-    parser.add_argument("--tlog", type=Path, help="the same flight's log, where the truth is in boot time")
-    parser.add_argument("--station", type=Path, required=True)
-    parser.add_argument("--out", type=Path, required=True)
-    parser.add_argument("--seed", type=int, required=True)
-    parser.add_argument("--share", type=float, default=OUTLIER_SHARE, help="of the values, outliers")
-    parser.add_argument("--clean", action="store_true", help="noise only: no outlier, no systematic error")
-    options = parser.parse_args(arguments)
-    try:
-        _make(options)
-    except (InputError, OSError) as error:
-        parser.error(str(error))
-
-
-def _make(options: argparse.Namespace) -> None:
-    truth = read_truth(options.truth, boot_to_utc_ns(options.tlog) if options.tlog else None)
-    instruments = instruments_of(options.station)
-    if not options.clean:
-        instruments = crooked(instruments, options.seed)
-    share = 0.0 if options.clean else options.share
-    options.out.mkdir(parents=True, exist_ok=True)
-    for name, seen in observe_all(truth, instruments, options.seed, share).items():
-        write(options.out, name, seen)
-    injected = {"seed": options.seed, "outlier_share": share}
-    injected |= {instrument.name: _injected(instrument.errors) for instrument in instruments}
-    (options.out / "injected.json").write_text(json.dumps(injected, indent=2) + "\n", encoding="utf-8")
-
-
-def _injected(errors: simulate.Errors) -> dict[str, float]:
+def _injected(errors: simulate.InstrumentErrors) -> dict[str, float]:
     zero = (np.array(errors.zero) * TO_FILE).tolist()
     return dict(zip(COLUMNS, zero, strict=True)) | {"clock_offset_s": errors.clock_offset_s}
 
@@ -204,7 +205,3 @@ def _injected(errors: simulate.Errors) -> dict[str, float]:
 def _text(values: np.ndarray, names: list[str]) -> list[list[str]]:
     decimals = [COLUMNS[name] for name in names]
     return [[f"{x:.{d}f}" for x, d in zip(row, decimals, strict=True)] for row in values.tolist()]
-
-
-if __name__ == "__main__":
-    main()

@@ -4,7 +4,7 @@ import os
 
 import pytest
 
-from gcs.compiled import prepare
+from gcs.commands.compiled import prepare
 
 MAY_MISS = "shared/data"
 

@@ -1,10 +1,12 @@
 """The aircraft with its name, its attitude and its 3-sigma ellipsoid."""
 
+from collections.abc import Sequence
+
 import numpy as np
 import viser
 import viser.transforms
 
-from gcs.messages import State
+from gcs.contract.messages import State
 from web import colours, glyphs
 
 SIZE, ELLIPSOID = 0.08, 0.025  # wing span and least ellipsoid as a share of the camera's distance
@@ -28,7 +30,7 @@ class Aircraft:
         )
         self.factor = 1  # how much larger than life the ellipsoid is drawn
 
-    def set_dark(self, dark: bool) -> None:
+    def set_dark(self, *, dark: bool) -> None:
         self._body.color = colours.INK[dark]
 
     def say(self, text: str) -> None:
@@ -59,7 +61,7 @@ def ellipsoid(covariance: list[float]) -> tuple[np.ndarray, np.ndarray]:
     return 3 * np.sqrt(np.maximum(variances, 1e-6)), axes
 
 
-def attitude(velocity, acceleration) -> np.ndarray:
+def attitude(velocity: Sequence[float], acceleration: Sequence[float]) -> np.ndarray:
     """Unit quaternion wxyz, body (nose, left, up) to ENU, of an aircraft in a coordinated turn.
 
     The nose points along the velocity, and the lift, acceleration less gravity, has no part to the side.

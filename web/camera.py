@@ -6,6 +6,7 @@ the camera, so following never fights the hand on the mouse.
 
 import numpy as np
 import viser
+from numpy.typing import ArrayLike
 
 AWAY = np.array([-0.7, -1.7, 1.1])  # from behind and above, north up, in radii of what is to be seen
 NEAR_M = 160.0  # radius of what is to be seen when following
@@ -27,7 +28,7 @@ class Cameras:
         camera.near, camera.far, camera.fov = 1.0, 100_000.0, 0.9
         camera.position, camera.look_at = tuple(1000.0 * AWAY), (0.0, 0.0, 0.0)
 
-    def include(self, position) -> None:
+    def include(self, position: ArrayLike) -> None:
         """Count a point of the world, (3,) metres, to what is to be seen."""
         self._low, self._high = np.minimum(self._low, position), np.maximum(self._high, position)
 
@@ -40,7 +41,7 @@ class Cameras:
             client.camera.look_at = centre
         self._placed[client.client_id] = eye, radius
 
-    def set_follow(self, follow: bool) -> None:
+    def set_follow(self, *, follow: bool) -> None:
         self.follow = follow
         for client in self._server.get_clients().values():
             self.look(client)
@@ -54,13 +55,13 @@ class Cameras:
             self._world.position = (0.0, 0.0, 0.0)
         _, radius = self._extent()
         for client in self._server.get_clients().values():
-            eye, seen = self._placed.get(client.client_id, (None, np.inf))
+            eye, seen = self._placed.get(client.client_id, (np.zeros(3), np.inf))
             if radius > GROWTH * seen and np.linalg.norm(client.camera.position - eye) < UNMOVED_M:
                 self.look(client)
 
-    def distance(self, position) -> float:
+    def distance(self, position: ArrayLike) -> float:
         """Metres from the nearest camera to a point of the world."""
-        place = np.array(self._world.position) + position
+        place = np.array(self._world.position) + np.asarray(position)
         eyes = [client.camera.position for client in self._server.get_clients().values()]
         return min((float(np.linalg.norm(eye - place)) for eye in eyes), default=2000.0)
 

@@ -7,7 +7,7 @@ wrong: ``misplaced``. Where only a rate or an acceleration is refused, the place
 
 from collections.abc import Callable, Iterator, Sequence
 
-from gcs.messages import Verdict
+from gcs.contract.messages import Verdict
 
 HOLD_NS = 3_000_000_000  # longer than the estimator's window of 1 to 2 s, so that revisions arrive in time
 REFUSED = {"used": False, "deweighted": False, "isolated": True, "patch": True}  # others claim nothing new

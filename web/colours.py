@@ -3,7 +3,7 @@
 Source: M. Okabe, K. Ito, "Color Universal Design" (2008), lightened where the original sinks in the dark.
 """
 
-from gcs.messages import Scene
+from gcs.contract.messages import Scene
 
 Colour = tuple[int, int, int]
 

@@ -10,7 +10,7 @@ SPEEDS = {"1×": 1.0, "2×": 2.0, "5×": 5.0, "10×": 10.0, "50×": 50.0, "max":
 SETTLE_S = 0.3  # a seek starts when the slider has rested for so long
 
 
-class Playback(Protocol):
+class Playable(Protocol):
     """What a replay lets the view do with it. Times are the flight's, int64 ns UTC."""
 
     start_ns: int
@@ -28,7 +28,7 @@ class Playback(Protocol):
 class Player:
     """Play and pause, speed, and a slider over the flight."""
 
-    def __init__(self, gui: viser.GuiApi, playback: Playback):
+    def __init__(self, gui: viser.GuiApi, playback: Playable):
         self._playback = playback
         self._wanted_s: float | None = None
         self._touched_s = 0.0
@@ -60,7 +60,7 @@ class Player:
             self._wanted_s = None
         elif self._wanted_s is None:
             now_s = (self._playback.now_ns - self._playback.start_ns) // 1e9
-            self._slider.value = min(max(now_s, 0.0), self._slider.max)
+            self._slider.value = min(max(now_s, 0.0), self._slider.max)  # type: ignore[misc]  # viser has it settable
 
     def _ended(self) -> bool:
         return self._playback.now_ns >= self._playback.end_ns

@@ -4,6 +4,7 @@ A solid is (vertices (n, 3) float, faces (m, 3) int).
 """
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 Solid = tuple[np.ndarray, np.ndarray]
 HEAD = 0.9  # where theodolite and radar look from, above their feet
@@ -55,7 +56,7 @@ def radar() -> Solid:
     return merge(*legs, bar((0, 0, 0.3), deep, 0.06), dish, bar(deep, deep + 0.42 * look, 0.025))
 
 
-def bar(start, end, radius: float) -> Solid:
+def bar(start: ArrayLike, end: ArrayLike, radius: float) -> Solid:
     """A six-sided bar from ``start`` to ``end``."""
     start, end = np.asarray(start, float), np.asarray(end, float)
     axis = (end - start) / np.linalg.norm(end - start)

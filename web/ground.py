@@ -3,7 +3,7 @@
 import numpy as np
 import viser
 
-from gcs.messages import Instrument
+from gcs.contract.messages import Instrument
 from web import colours, glyphs
 from web.colours import Colour
 from web.lines import Lines

@@ -1,6 +1,7 @@
 """Line segments on the page, by name: drawn, changed or taken away with one call."""
 
 from collections.abc import Callable
+from typing import Literal
 
 import numpy as np
 import viser
@@ -16,7 +17,12 @@ class Lines:
         self._shown: dict[str, viser.LineSegmentsHandle] = {}
 
     def draw(
-        self, name: str, segments: np.ndarray, colour: Colour, width: float, units: str = "screen"
+        self,
+        name: str,
+        segments: np.ndarray,
+        colour: Colour,
+        width: float,
+        units: Literal["screen", "world"] = "screen",
     ) -> None:
         """Show (n, 2, 3) segments in place of what has that name; with n = 0 nothing is left."""
         shown = self._shown.get(name)

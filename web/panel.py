@@ -3,7 +3,7 @@
 from datetime import UTC, datetime
 from html import escape
 
-from gcs.messages import Event, Health, Scene, SensorHealth, State, Wind
+from gcs.contract.messages import Event, Health, Scene, SensorHealth, State, Wind
 from web import colours
 from web.colours import Colour, css
 

@@ -5,7 +5,7 @@ from collections import defaultdict
 import numpy as np
 import viser
 
-from gcs.messages import Scene, State, Verdict
+from gcs.contract.messages import Scene, State, Verdict
 from web import colours, glyphs
 from web.aircraft import Aircraft
 from web.camera import Cameras
@@ -115,22 +115,22 @@ class Picture:
         plumb = np.array([[position, position * (1, 1, 0)]])
         self._lines.draw("/world/plumb", plumb, colours.GROUND, 1.0)
         for instrument, glyph in zip(self._scene.instruments, self._glyphs, strict=True):
-            glyph.scale = max(2.0, INSTRUMENT * self.cameras.distance(instrument.position_enu_m))
-            self._draw_sight(instrument.name, glyph, state)
+            glyph.scale = scale = max(2.0, INSTRUMENT * self.cameras.distance(instrument.position_enu_m))
+            self._draw_sight(instrument.name, glyph, scale, state)
 
     def _crosses(self, points: np.ndarray) -> np.ndarray:
         return crosses(points, CROSS * self._dot_m)
 
-    def _draw_sight(self, name: str, glyph: viser.MeshHandle, state: State) -> None:
+    def _draw_sight(self, name: str, glyph: viser.MeshHandle, scale: float, state: State) -> None:
         """A line to the aircraft, or in the outliers' colour to where the instrument wrongly saw it."""
         t_ns, claim = self._claims.newest.get(name, (0, None))
         fresh = claim is not None and abs(state.t_ns - t_ns) < FRESH_NS
-        refused = fresh and claim.kind == MISPLACED
-        head = np.array(glyph.position) + np.array([0, 0, glyphs.HEAD * glyph.scale])
-        beam = np.array([[head, claim.position if refused else state.position_enu_m]])
+        seen = claim if fresh and claim is not None and claim.kind == MISPLACED else None
+        head = np.array(glyph.position) + np.array([0, 0, glyphs.HEAD * scale])
+        beam = np.array([[head, seen.position if seen else state.position_enu_m]])
         nothing, path = beam[:0], f"/world/sight/{name}"
-        self._lines.draw(path, beam if fresh and not refused else nothing, self._colours[name], 1.5)
-        self._lines.draw(f"{path}-refused", beam if refused else nothing, colours.OUTLIER, 1.5)
+        self._lines.draw(path, beam if fresh and not seen else nothing, self._colours[name], 1.5)
+        self._lines.draw(f"{path}-refused", beam if seen else nothing, colours.OUTLIER, 1.5)
 
     def _size_dots(self, distance_m: float) -> None:
         octaves = np.log2(max(1.0, DOT * distance_m / DOT_M))

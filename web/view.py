@@ -9,13 +9,18 @@ import io
 import threading
 import time
 from collections import deque
+from functools import partial
+from typing import TYPE_CHECKING
 
 import viser
 
-from gcs.messages import Event, Health, InputError, Scene, State, Verdict, Wind
+from gcs.contract.messages import ANY, Event, Health, InputError, Scene, State, Verdict, Wind
 from web import colours, panel
-from web.controls import Playback, Player
+from web.controls import Playable, Player
 from web.scene import LAYERS, Picture
+
+if TYPE_CHECKING:  # zenoh is loaded by whoever opens the bus
+    from gcs.contract.bus import Bus
 
 QUEUE = 200_000  # messages; at more than a million a minute the oldest are skipped, counted and shown
 PERIOD_S = 0.1
@@ -31,7 +36,7 @@ class ViewError(InputError):
 class View:
     """A page with the picture and the panel. With ``playback`` it also steers a replay."""
 
-    def __init__(self, scene: Scene, *, port: int = 8080, playback: Playback | None = None):
+    def __init__(self, scene: Scene, *, port: int = 8080, playback: Playable | None = None):
         with _hush():
             self._server = viser.ViserServer(host="127.0.0.1", port=port, label="gcs", verbose=False)
         if self._server.get_port() != port:  # viser quietly takes the next free one
@@ -55,7 +60,7 @@ class View:
         self._thread = threading.Thread(target=self._run, name="view", daemon=True)
         self._thread.start()
 
-    def put(self, message, source: str = "") -> None:
+    def put(self, message: ANY, source: str = "") -> None:
         """Show a message. ``source`` is "smoothed" for a smoothed state; any thread may call."""
         if len(self._queue) == QUEUE:
             self._skipped += 1
@@ -80,16 +85,16 @@ class View:
         self._server.gui.set_panel_label("Ground station")
         self._server.gui.main_panel.dock_right()
 
-    def _theme(self, dark: bool) -> None:
+    def _theme(self, *, dark: bool) -> None:
         self._server.gui.configure_theme(
             control_width="large",
             dark_mode=dark,
             show_logo=False,
             show_share_button=False,
         )
-        self._picture.aircraft.set_dark(dark)
+        self._picture.aircraft.set_dark(dark=dark)
 
-    def _build_panel(self, playback: Playback | None) -> None:
+    def _build_panel(self, playback: Playable | None) -> None:
         gui = self._server.gui
         self._status = gui.add_html("")
         self._player = Player(gui, playback) if playback else None
@@ -99,17 +104,21 @@ class View:
             self._log = gui.add_html("")
         with gui.add_folder("Show"):
             self._legend = gui.add_html("")
-            gui.add_button("Reset view").on_click(lambda event: self._picture.cameras.look(event.client))
+            gui.add_button("Reset view").on_click(self._reset_view)
             gui.add_checkbox("follow aircraft", False).on_update(
-                lambda event: self._picture.cameras.set_follow(event.target.value)
+                lambda event: self._picture.cameras.set_follow(follow=event.target.value)
             )
             for name in LAYERS:
                 box = gui.add_checkbox(NAMES.get(name, name), True)
-                box.on_update(lambda event, name=name: self._show(name, event.target.value))
-            gui.add_checkbox("dark", False).on_update(lambda event: self._theme(event.target.value))
+                box.on_update(partial(self._show, name))
+            gui.add_checkbox("dark", False).on_update(lambda event: self._theme(dark=event.target.value))
 
-    def _show(self, layer: str, visible: bool) -> None:
-        self._picture.layers[layer].visible = visible
+    def _reset_view(self, event: viser.GuiEvent) -> None:
+        if event.client:
+            self._picture.cameras.look(event.client)
+
+    def _show(self, layer: str, event: viser.GuiEvent) -> None:
+        self._picture.layers[layer].visible = event.target.value
 
     def _run(self) -> None:
         tick = 0
@@ -157,14 +166,14 @@ def _hush() -> contextlib.redirect_stdout:
     return contextlib.redirect_stdout(io.StringIO())
 
 
-def run(bus, port: int = 8080, stop: threading.Event | None = None) -> None:
+def run(bus: "Bus", port: int = 8080, stop: threading.Event | None = None) -> None:
     """The view alone, on the bus: waits for the station's ``Scene``, then shows all until ``stop``."""
     stop = stop or threading.Event()
     scenes, smoothed = bus.subscribe("scene"), bus.subscribe("smoothed")
     rest = bus.subscribe("state", "verdict/*", "wind", "health", "event")
     scene = None
     while scene is None and not stop.is_set():
-        scene = next((message for _, message in scenes.drain(0.5)), None)
+        scene = next((message for _, message in scenes.drain(0.5) if isinstance(message, Scene)), None)
     if scene is None:
         return
     view = View(scene, port=port)

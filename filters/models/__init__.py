@@ -1,0 +1,1 @@
+"""What is assumed about motion and about each kind of sensor, and the rows that all filters share."""

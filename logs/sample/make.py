@@ -9,7 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from bridges import frames, simulated, tlog
+from bridges import simulated
+from bridges.tlog import scan, tlog
 
 HERE = Path(__file__).parent
 BOOT_S = (25.0, 173.0)  # take-off, climb, five turns of 50° to 65° bank
@@ -30,8 +31,8 @@ def main(flight: Path, truth: Path) -> None:
         (times["time_boot_ms"] >= BOOT_S[0] * 1e3) & (times["time_boot_ms"] < BOOT_S[1] * 1e3)
     )
     cut = np.arange(times["frame_no"][inside[0]], times["frame_no"][inside[-1]] + 1)
-    cut = cut[np.isin(log.msgid[cut], [frames.dialect().ids[name] for name in KEEP])]
-    starts, data = log.frames["offset"] - frames.STAMP, log.data.tobytes()
+    cut = cut[np.isin(log.msgid[cut], [scan.dialect().ids[name] for name in KEEP])]
+    starts, data = log.frames["offset"] - scan.STAMP, log.data.tobytes()
     stamped = (data[starts[k] : starts[k + 1]] for k in cut.tolist())
     (HERE / "flight.tlog").write_bytes(b"".join(stamped))
 
@@ -41,8 +42,9 @@ def main(flight: Path, truth: Path) -> None:
     lines += [f"{t},{lat:.7f},{lon:.7f},{alt:.3f}" for t, lat, lon, alt in track.tolist()]
     (HERE / "truth.csv").write_text("\n".join(lines) + "\n")
 
-    made_from = ["--truth", str(HERE / "truth.csv"), "--station", str(HERE / "station.toml")]
-    simulated.main([*made_from, "--seed", str(SEED), "--out", str(HERE)])
+    instruments = simulated.crooked(simulated.instruments_of(HERE / "station.toml"), SEED)
+    whole = simulated.read_truth(HERE / "truth.csv")
+    simulated.write_all(HERE, whole, instruments, SEED, simulated.OUTLIER_SHARE)
 
 
 if __name__ == "__main__":

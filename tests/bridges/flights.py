@@ -8,7 +8,7 @@ import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 from pymavlink.generator.mavcrc import x25crc
 
-from bridges import tlog
+from bridges.tlog import tlog
 
 LAT, LON, ALT_MM, GEOID_MM = 473977420, 85455940, 488_000, 47_300
 FIX_TYPE_AT = 28  # in the payload of GPS_RAW_INT

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from bridges import frames
+from bridges.tlog import scan
 
 DATA = Path(__file__).parents[2] / "../shared/data"
 SAMPLE = Path(__file__).parents[2] / "logs/sample"
@@ -55,18 +55,18 @@ def pymavlink_messages(path: Path) -> tuple[list[Seen], int]:
 
 def missing(seen: list[Seen], found: np.ndarray) -> list[Seen]:
     """What pymavlink found and the scan has not as a good frame."""
-    good = set(found["offset"][found["kind"] == frames.GOOD].tolist())
+    good = set(found["offset"][found["kind"] == scan.GOOD].tolist())
     return [one for one in seen if one.offset not in good]
 
 
 def differences(seen: list[Seen], data: np.ndarray, found: np.ndarray, every: int = 1) -> list[str]:
     """Headers and fields that differ, over every ``every``-th message of each kind that both have."""
-    found = found[found["kind"] == frames.GOOD]
+    found = found[found["kind"] == scan.GOOD]
     by_offset = {one.offset: one.message for one in seen}
     out = []
     for msgid in np.unique(found["msgid"]):
         own = found[found["msgid"] == msgid][::every]
-        columns = frames.payloads(data, own, msgid, np.dtype([]))
+        columns = scan.payloads(data, own, msgid, np.dtype([]))
         lists = {name: columns[name].tolist() for name in columns.dtype.names}
         for i, frame in enumerate(own):
             message = by_offset.get(int(frame["offset"]))

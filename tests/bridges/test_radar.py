@@ -1,7 +1,7 @@
 """The radar is the feed with range rate."""
 
 from bridges import feed, radar
-from gcs.messages import PolarMeasurement
+from gcs.contract.messages import PolarMeasurement
 
 
 def test_decode():

@@ -3,22 +3,28 @@
 import csv
 import json
 import math
+import subprocess
+import sys
 import threading
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from bridges import feed, simulated, tlog, tlog_flight
-from filters import simulate
-from gcs.messages import PolarMeasurement
+from bridges import feed, simulated
+from bridges.tlog import flight as tlog_flight
+from bridges.tlog import tlog
+from filters.simulation import simulate
+from gcs.contract.messages import InputError, PolarMeasurement
 from tests.bridges.fake import FakeBus
 
 SAMPLE = Path(__file__).parents[2] / "logs" / "sample"
 SEED = 7
 LASER = {"range_m": 1.0, "azimuth_deg": 0.003, "elevation_deg": 0.003}
-NORTH = simulated.Instrument("north", "theodolite", -35.27, 149.16, 640.0, LASER)
-RADAR = simulated.Instrument("radar", "radar", -35.37, 149.10, 600.0, LASER | {"range_rate_mps": 0.5})
+NORTH = simulated.SimulatedInstrument("north", "theodolite", -35.27, 149.16, 640.0, LASER)
+RADAR = simulated.SimulatedInstrument(
+    "radar", "radar", -35.37, 149.10, 600.0, LASER | {"range_rate_mps": 0.5}
+)
 
 
 @pytest.fixture(scope="module")
@@ -69,16 +75,28 @@ def read_labels(path):
         return list(csv.DictReader(file))
 
 
-def make(folder, *more):
-    folder.mkdir(exist_ok=True)
-    files = ["--truth", str(SAMPLE / "truth.csv"), "--station", str(SAMPLE / "station.toml")]
-    simulated.main([*files, "--seed", str(SEED), "--out", str(folder), *more])
-    return folder
+def make(folder, *more, truth=SAMPLE / "truth.csv"):
+    """As the command writes it."""
+    asked = [
+        "bridge",
+        "simulated",
+        truth,
+        "--station",
+        SAMPLE / "station.toml",
+        "--seed",
+        SEED,
+        "--out",
+        folder,
+    ]
+    command = [sys.executable, "-m", "gcs", *map(str, asked), *more]
+    return subprocess.run(command, cwd=SAMPLE.parents[1], capture_output=True, text=True)
 
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
-    return make(tmp_path_factory.mktemp("made"))
+    folder = tmp_path_factory.mktemp("made")
+    assert make(folder).returncode == 0
+    return folder
 
 
 def test_sample_can_be_made_again_bit_for_bit(made):
@@ -132,7 +150,8 @@ def test_stamps_are_off_by_the_clock_offset(made, name):
 
 
 def test_clean_feeds_have_noise_only(tmp_path):
-    folder = make(tmp_path / "clean", "--clean")
+    folder = tmp_path / "clean"
+    assert make(folder, "--clean").returncode == 0
     injected = json.loads((folder / "injected.json").read_text())
     assert not any(any(injected[name].values()) for name in ("theo-north", "theo-east", "radar-1"))
     text = (folder / "theo-north.labels.csv").read_text()
@@ -196,8 +215,14 @@ def test_a_feed_is_no_truth():
         simulated.read_truth(SAMPLE / "theo-north.csv")
 
 
-def test_command_refuses_in_one_line(tmp_path, capsys):
-    with pytest.raises(SystemExit) as refusal:
-        make(tmp_path / "out", "--truth", str(tmp_path / "nowhere.csv"))
-    assert refusal.value.code == 2
-    assert "nowhere.csv" in capsys.readouterr().err.splitlines()[-1]
+def test_command_refuses_in_one_line(tmp_path):
+    refused = make(tmp_path / "out", truth=tmp_path / "nowhere.csv")
+    assert refused.returncode == 2
+    (line,) = refused.stderr.splitlines()
+    assert "nowhere.csv" in line
+
+
+def test_a_folder_that_cannot_be_written_is_named(tmp_path, truth):
+    (tmp_path / "file").touch()
+    with pytest.raises(InputError, match=r"file: .*name a folder"):
+        simulated.write_all(tmp_path / "file", truth, [NORTH], 3, 0.04)

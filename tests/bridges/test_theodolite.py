@@ -3,7 +3,7 @@
 import pytest
 
 from bridges import feed, theodolite
-from gcs.messages import PolarMeasurement
+from gcs.contract.messages import PolarMeasurement
 
 
 def test_decode():

@@ -5,7 +5,7 @@ Julier & Uhlmann 2004, *Unscented filtering and nonlinear estimation*; Î± = 1, Î
 
 import numpy as np
 
-from filters.rows import AZIMUTH, ELEVATION, RANGE, RANGE_RATE, E
+from filters.models.rows import AZIMUTH, ELEVATION, RANGE, RANGE_RATE, E
 
 
 def transition(dt):

@@ -2,9 +2,10 @@
 
 import numpy as np
 
-from filters import scenario, simulate
-from filters.estimator import Settings, make
-from filters.rows import ROW, Sensor
+from filters.methods import make
+from filters.models.rows import ROW, Sensor
+from filters.simulation import scenario, simulate
+from filters.window.estimator import Settings
 
 SITES = {"theo-a": (800.0, 0.0, 0.0), "theo-b": (0.0, 900.0, 10.0), "radar": (-700.0, -500.0, 0.0)}
 SIGMA = {"theo-a": (1.0, 5e-5, 5e-5), "theo-b": (1.0, 5e-5, 5e-5), "radar": (5.0, 1e-3, 1e-3, 0.3)}
@@ -53,7 +54,9 @@ def scene(
                 kind, _, begin, length, size = patch
                 sigma = sensor.sigma[seen.channels]
                 there = tuple(np.flatnonzero(np.isfinite(sigma)))
-                seen = simulate.patch(seen, np.nan_to_num(sigma), kind, begin, length, rng, there, size)
+                seen = simulate.patch(
+                    seen, np.nan_to_num(sigma), simulate.LongPatch(kind, begin, length, there, size), rng
+                )
             if share:
                 seen = simulate.contaminate(seen, sensor.sigma[seen.channels], rng, share)
         block = np.zeros(seen.values.size, ROW)

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from gcs.messages import Event, Health, Instrument, Scene, SensorHealth, State, Verdict
+from gcs.contract.messages import Event, Health, Instrument, Scene, SensorHealth, State, Verdict
 
 START_NS = 1_790_000_000_000_000_000
 HZ = 10

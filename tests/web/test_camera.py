@@ -53,12 +53,12 @@ def test_the_sight_widens_with_the_flight_but_not_for_a_hand_on_the_mouse(camera
 
 def test_following_moves_the_world_and_back(cameras, two):
     aircraft = np.array([500.0, -200.0, 120.0])
-    cameras.set_follow(True)
+    cameras.set_follow(follow=True)
     cameras.update(aircraft)
     distance_m = cameras.distance(aircraft)
     cameras.update(aircraft + 1000.0)
     assert np.isclose(cameras.distance(aircraft + 1000.0), distance_m)
     np.testing.assert_array_equal(two[0].camera.look_at, 0.0)
-    cameras.set_follow(False)
+    cameras.set_follow(follow=False)
     cameras.update(aircraft)
     assert np.isclose(cameras.distance(aircraft), np.linalg.norm(two[0].camera.position - aircraft))

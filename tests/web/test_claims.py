@@ -1,6 +1,6 @@
 """Which claim becomes a raw point and which an outlier."""
 
-from gcs.messages import Verdict
+from gcs.contract.messages import Verdict
 from web.claims import ACCEPTED, HOLD_NS, MISJUDGED, MISPLACED, Claims
 
 

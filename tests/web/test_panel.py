@@ -3,7 +3,7 @@
 import msgspec
 import pytest
 
-from gcs.messages import Event, Health, State, Wind
+from gcs.contract.messages import Event, Health, State, Wind
 from tests.web.flight import SCENE, START_NS, messages
 from web import panel
 from web.colours import GOOD

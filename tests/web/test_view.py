@@ -10,6 +10,8 @@ import pytest
 from tests.web.flight import SCENE, messages
 from web.view import View, ViewError, run
 
+pytestmark = pytest.mark.network
+
 
 @pytest.fixture
 def port() -> int:
@@ -38,7 +40,7 @@ def test_nothing_is_printed(port, capfd):
     assert capfd.readouterr().out == ""
 
 
-class FakeBus:
+class SourceBus:
     """Hands out what it was given, once per subject."""
 
     def __init__(self):
@@ -62,7 +64,7 @@ class FakeSubscription:
 
 
 def test_alone_on_the_bus_it_opens_for_the_scene_and_ends_when_told(port):
-    bus, stop = FakeBus(), threading.Event()
+    bus, stop = SourceBus(), threading.Event()
     alone = threading.Thread(target=run, args=(bus, port, stop))
     alone.start()
     deadline_s = time.monotonic() + 20

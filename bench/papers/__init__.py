@@ -1,0 +1,1 @@
+"""The methods of the three papers, measured beside what the papers report."""

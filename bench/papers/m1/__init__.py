@@ -1,0 +1,1 @@
+"""The GA-BP-UKF paper: its simulations, its filter, the default network."""

@@ -1,0 +1,1 @@
+"""The wind paper: simulated winds and a recorded flight."""

@@ -1,0 +1,1 @@
+"""The screening paper: one channel alone, and together with the trajectory filter."""

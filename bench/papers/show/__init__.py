@@ -1,0 +1,1 @@
+"""The papers' report: its lines, tables and pictures."""

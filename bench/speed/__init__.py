@@ -1,0 +1,1 @@
+"""How fast: the filter beside others, a log, a replay, the live station."""

@@ -1,0 +1,1 @@
+"""A recorded MAVLink log: scan, clock, one vehicle's flight."""

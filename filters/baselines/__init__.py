@@ -1,0 +1,1 @@
+"""Filters of the literature, to compare with."""

@@ -1,0 +1,1 @@
+"""The learned part: a small network, and how it is trained."""

@@ -1,0 +1,1 @@
+"""One raw channel watched alone, before any trajectory."""

@@ -1,0 +1,1 @@
+"""Flights that never were, and what instruments would say of them."""

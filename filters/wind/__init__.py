@@ -1,0 +1,1 @@
+"""Wind from airspeed, attitude and ground velocity."""

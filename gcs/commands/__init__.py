@@ -1,0 +1,1 @@
+"""The command ``gcs``, one file a command; ``compose`` is the one place that puts a run together."""

@@ -1,0 +1,117 @@
+"""``gcs bridge``: one instrument onto the bus."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from cyclopts import App, Parameter
+
+from gcs.commands.compose import open_bus
+from gcs.commands.options import Config, stopped
+from gcs.contract import config as configuration
+from gcs.contract.messages import InputError
+from gcs.outputs.console import say
+
+if TYPE_CHECKING:
+    from gcs.contract.bus import Bus
+
+command = App(name="bridge", help="One bridge alone, on whichever machine the instrument hangs on.")
+
+
+@command.command
+def mavlink(
+    *,
+    station: Path,
+    link: Annotated[
+        str | None, Parameter(help="any pymavlink address; the station file's by default")
+    ] = None,
+    config: Config = (),
+) -> None:
+    """An autopilot's MAVLink, listen-only, onto the bus as ``raw/ins``."""
+    from bridges.mavlink import mavlink as source
+
+    resolved = configuration.load(station, config)
+    stop = stopped()
+    with _bridge_bus(resolved) as bus:
+        source.run(link or resolved.mavlink.link, resolved.vehicle.system_id, bus, stop)
+
+
+@command.command
+def simulated(
+    truth: Path,
+    *,
+    station: Path,
+    seed: int = 0,
+    out: Annotated[Path | None, Parameter(help="folder: write feeds and labels there, play nothing")] = None,
+    share: Annotated[float | None, Parameter(help="of the values, outliers; 0.041 by default")] = None,
+    clean: Annotated[
+        bool, Parameter(negative="", help="noise only: no outlier, no systematic error")
+    ] = False,
+    tlog: Annotated[
+        Path | None, Parameter(help="the same flight's log, where the truth is in boot time")
+    ] = None,
+    speed: float = 1.0,
+    now: Annotated[bool, Parameter(negative="", help="move the flight to the present")] = False,
+    config: Config = (),
+) -> None:
+    """Every instrument of the station, simulated from a truth track with all that goes wrong."""
+    from bridges import simulated as source
+
+    resolved = configuration.load(station, config)
+    track = source.read_truth(truth, source.boot_to_utc_ns(tlog) if tlog else None)
+    instruments = source.instruments_of(station)
+    if not clean:
+        instruments = source.crooked(instruments, seed)
+    outliers = 0.0 if clean else source.OUTLIER_SHARE if share is None else share
+    if out:
+        source.write_all(out, track, instruments, seed, outliers)
+        return
+    with _bridge_bus(resolved) as bus:
+        source.run(bus, track, instruments, seed, stopped(), share=outliers, speed=speed, now=now)
+
+
+def _instrument(kind: Literal["theodolite", "radar"]):
+    """The command that bridges one instrument of a kind."""
+
+    def bridge(
+        name: str,
+        *,
+        station: Path,
+        udp: Annotated[str | None, Parameter(help="HOST:PORT to listen on for JSON lines")] = None,
+        file: Annotated[Path | None, Parameter(help="a feed file, played at its own pace")] = None,
+        speed: Annotated[float, Parameter(help="times real time, of a file")] = 1.0,
+        config: Config = (),
+    ) -> None:
+        from bridges import radar, theodolite
+
+        resolved = configuration.load(station, config)
+        known = [sensor.name for sensor in resolved.sensor if sensor.kind == kind]
+        if name not in known:
+            raise InputError(f"{station}: no {kind} {name!r}; it has {', '.join(known) or 'none'}")
+        origin: tuple[str, int] | Path
+        if udp is not None and file is None:
+            origin, pace = _address(udp), {}
+        elif file is not None and udp is None:
+            origin, pace = file, {"speed": speed}
+        else:
+            raise InputError("name one origin: --udp HOST:PORT or --file FILE.csv")
+        with _bridge_bus(resolved) as bus:
+            source = {"theodolite": theodolite, "radar": radar}[kind]
+            source.run(bus, name, origin, stopped(), **pace)
+
+    return bridge
+
+
+for _kind in ("theodolite", "radar"):
+    command.command(_instrument(_kind), name=_kind, help=f"One {_kind} onto the bus as ``raw/NAME``.")
+
+
+def _bridge_bus(station: configuration.Station) -> "Bus":
+    """A bridge is a client of the station's router, and waits for it."""
+    return open_bus(station, mode="client", waiting=say)
+
+
+def _address(text: str) -> tuple[str, int]:
+    host, _, port = text.rpartition(":")
+    if not host or not port.isdigit():
+        raise InputError(f"--udp {text}: expected HOST:PORT, such as 127.0.0.1:9001")
+    return host, int(port)

@@ -1,0 +1,42 @@
+"""The command ``gcs``: each command is a file of this folder, imported only when it is asked for.
+
+Exit codes: 0 done, 1 the run failed, 2 wrong usage or input (one line on stderr, no traceback).
+"""
+
+import sys
+
+from cyclopts import App, CycloptsError
+
+from gcs import __version__
+from gcs.contract.messages import InputError
+
+COMMANDS = {
+    "replay": "After the flight: a tlog and ground-sensor feeds in, trajectory and verdicts out.",
+    "run": "Live: MAVLink and ground sensors in over the bus, cleaned state out, view, recording.",
+    "bridge": "One bridge alone, on whichever machine the instrument hangs on.",
+    "demo": "The sample flight with theodolites and a radar, live through Zenoh, in the browser.",
+    "screen": "One raw feed, channel by channel, without a trajectory: cleaned feed, flags and a picture.",
+    "train": "Train the correction network and test it on flights it has never seen.",
+    "doctor": "Check Python, packages, station file, ports, router and clock before a flight.",
+}
+
+app = App(name="gcs", version=__version__, help="Flight-test trajectory measurement: where was it really?")
+for _name, _help in COMMANDS.items():
+    app.command(f"gcs.commands.{_name}:command", name=_name, help=_help)
+
+
+def main() -> None:
+    """Entry point."""
+    try:
+        app(sys.argv[1:], exit_on_error=False, print_error=False)
+    except CycloptsError as error:
+        _refuse(" ".join(str(error).split()) + "; see gcs --help")
+    except InputError as error:
+        _refuse(str(error))
+    except KeyboardInterrupt:  # before a command listens for it: while it waits for a router, say
+        sys.exit(130)
+
+
+def _refuse(line: str) -> None:
+    print(f"gcs: {line}", file=sys.stderr)
+    sys.exit(2)

@@ -1,0 +1,53 @@
+"""The compiled filter on disk: numba keeps it beside the source, renewed only where that very file changed.
+
+A function compiled into another one is forgotten so. Hence everything goes when any source file is newer.
+
+Code fresh from the compiler may round the last digit otherwise than the same code read back. So a process of
+its own compiles, and every run reads: the first one gives the same bits as all later ones.
+"""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+
+import filters
+
+FOLDER = Path(filters.__file__).parent
+
+
+def drop_stale(folder: Path = FOLDER) -> None:
+    """Remove what was compiled before the newest source file in ``folder``, before anything is loaded."""
+    kept = [file for kind in ("nbi", "nbc") for file in folder.rglob(f"__pycache__/*.{kind}")]
+    newest = max(source.stat().st_mtime for source in folder.rglob("*.py"))
+    if any(file.stat().st_mtime < newest for file in kept):
+        for file in kept:
+            file.unlink(missing_ok=True)
+
+
+def prepare() -> None:
+    """See that the compiled filter is there and fresh; the first time this takes half a minute."""
+    drop_stale()
+    kept = any(FOLDER.rglob("__pycache__/decide*.nbi"))
+    if not kept and os.access(FOLDER, os.W_OK):
+        subprocess.run([sys.executable, "-m", "gcs.commands.compiled"], cwd=FOLDER.parent, check=True)
+
+
+def _compile() -> None:
+    """Every kind of sensor with everything to be estimated: all the code a session can ask for."""
+    from filters import methods
+    from filters.models.rows import CHANNELS, Sensor
+
+    every = np.ones(len(CHANNELS))
+    sensors = [
+        Sensor("ins", "ins", every),
+        Sensor("theodolite", "theodolite", every, estimate=("bias", "clock")),
+    ]
+    for method in ("default", "ga-bp-ukf"):
+        methods.make(method, sensors).warm_up()
+
+
+if __name__ == "__main__":
+    _compile()

@@ -1,0 +1,103 @@
+"""Checks before a flight: one line each, what is wrong and what to do."""
+
+import importlib.metadata
+import shutil
+import socket
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+from rich.text import Text
+
+from gcs.commands.options import Config, StationFile
+from gcs.contract import config as configuration
+from gcs.contract.messages import InputError
+from gcs.outputs.console import screen
+
+PACKAGES = ("numpy", "numba", "pymavlink", "filterpy", "eclipse-zenoh", "viser", "msgspec", "pymap3d")
+ROOM_GB = 1.0  # an hour of flight with four sensors at 20 Hz writes a tenth of this
+
+
+def command(*, station: StationFile = None, config: Config = ()) -> None:
+    """Check Python, packages, station file, ports, router and clock before a flight."""
+    sys.exit(0 if run(station, config) else 1)
+
+
+def run(station_file: Path | None, overrides: tuple[str, ...]) -> bool:
+    """Print every check; true when all passed."""
+    passed = True
+    for ok, what, finding in _checks(station_file, overrides):
+        passed &= ok
+        mark = Text("ok  ", style="green") if ok else Text("FAIL", style="bold red")
+        screen.print(mark, Text(f"{what:<14}{finding}"), soft_wrap=True)
+    return passed
+
+
+def _checks(station_file: Path | None, overrides: tuple[str, ...]) -> Iterator[tuple[bool, str, str]]:
+    version = ".".join(map(str, sys.version_info[:3]))
+    yield sys.version_info >= (3, 11), "Python", f"{version} (3.11 or newer is needed)"
+    for package in PACKAGES:
+        try:
+            yield True, package, importlib.metadata.version(package)
+        except importlib.metadata.PackageNotFoundError:
+            yield False, package, "not installed: run `make demo` once, or pip install -e ."
+    try:
+        station = configuration.load(station_file, overrides)
+    except InputError as error:
+        yield False, "station file", str(error)
+        return
+    sensors = ", ".join(sensor.name for sensor in station.sensor) or "no ground sensor"
+    yield (
+        True,
+        "station file",
+        f"{station_file or 'defaults'}: {station.range.name}/{station.vehicle.name}, {sensors}",
+    )
+    origin = station.range.origin
+    yield (
+        origin is not None,
+        "origin",
+        "is set" if origin else "[range] origin is missing: live operation needs it",
+    )
+    free = _port_free(station.view.port)
+    where = f"127.0.0.1:{station.view.port}"
+    yield free, "view port", f"{where} is free" if free else f"{where} is in use: set [view] port"
+    yield from _bus(station)
+    yield from _clock()
+    free_gb = shutil.disk_usage(Path.cwd()).free / 1e9
+    yield free_gb > ROOM_GB, "disk", f"{free_gb:.0f} GB free for logs/runs"
+
+
+def _bus(station: configuration.Station) -> Iterator[tuple[bool, str, str]]:
+    from gcs.commands.compose import open_bus
+
+    try:
+        open_bus(station).close()
+    except InputError as error:
+        yield False, "bus", str(error)
+    else:
+        role = "can listen on" if station.bus.mode == "router" else "router answers at"
+        yield True, "bus", f"{role} {station.bus.endpoint}"
+
+
+def _clock() -> Iterator[tuple[bool, str, str]]:
+    """The station's clock only stamps arrivals, but a stopped or stepping one makes ages meaningless."""
+    wall, steady = time.time(), time.monotonic()
+    time.sleep(0.2)
+    slip_ms = 1e3 * ((time.time() - wall) - (time.monotonic() - steady))
+    year = time.gmtime().tm_year
+    sane = abs(slip_ms) < 5.0 and year >= 2025
+    yield (
+        sane,
+        "clock",
+        f"{time.strftime('%Y-%m-%d %H:%M:%SZ', time.gmtime())}, slips {slip_ms:+.1f} ms in 0.2 s",
+    )
+
+
+def _port_free(port: int) -> bool:
+    with socket.socket() as probe:
+        try:
+            probe.bind(("127.0.0.1", port))
+        except OSError:
+            return False
+    return True

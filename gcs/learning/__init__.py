@@ -1,0 +1,1 @@
+"""Flights to learn from, the training of the correction network, and its file."""

@@ -1,0 +1,1 @@
+"""Where a session's results go: run folder, bus, terminal, picture."""

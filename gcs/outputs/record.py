@@ -1,0 +1,95 @@
+"""The run folder: track.csv, smoothed.csv, verdicts.csv, summary.json and the resolved station file."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+
+from gcs.contract.config import Station, dump
+from gcs.contract.frames import Frame
+from gcs.contract.messages import CHANNELS, VERDICTS
+from gcs.station.ledger import NO_TIME, Ledger
+from gcs.station.session import Update
+
+TRACK_HEADER = (
+    "t_ns,lat_deg,lon_deg,alt_m,e_m,n_m,u_m,ve_mps,vn_mps,vu_mps,ae_mps2,an_mps2,au_mps2,"
+    "sigma_e_m,sigma_n_m,sigma_u_m,sigma_ve_mps,sigma_vn_mps,sigma_vu_mps,quality,reset_counter\n"
+)
+TRACK_LINE = "%d,%.9f,%.9f,%.4f" + ",%.4f" * 15 + ",%d,%d\n"  # 0.1 mm; 1e-9 degrees is 0.1 mm
+VERDICT_HEADER = "t_ns,sensor,channel,value,predicted,sigma,weight,verdict,reason\n"
+
+
+class Record:
+    """A sink that writes as it goes: killed in the middle, the folder holds all that was final."""
+
+    def __init__(self, folder: Path, station: Station, frame: Frame):
+        folder.mkdir(parents=True, exist_ok=True)
+        self._folder, self._frame = folder, frame
+        (folder / "station.toml").write_text(dump(station), encoding="utf-8")
+        (folder / "summary.json").unlink(missing_ok=True)  # no summary: the run did not end
+        self._track = self._open("track.csv", TRACK_HEADER)
+        self._smoothed = self._open("smoothed.csv", TRACK_HEADER)
+        self._verdicts = self._open("verdicts.csv", VERDICT_HEADER)
+
+    def take(self, update: Update) -> None:
+        for file, track in ((self._track, update.track), (self._smoothed, update.smoothed)):
+            if len(track):
+                file.write(track_lines(track, self._frame))
+                file.flush()
+        if len(update.retired):
+            self._verdicts.write(verdict_lines(update.retired, update.ledger))
+            self._verdicts.flush()
+
+    def close(self, summary: dict, best: np.ndarray) -> None:
+        self._smoothed.close()
+        self._smoothed = self._open("smoothed.csv", TRACK_HEADER)  # a window's view gives way to the flight's
+        self._smoothed.write(track_lines(best, self._frame))
+        for file in (self._track, self._smoothed, self._verdicts):
+            file.close()
+        text = json.dumps(summary, indent=2, sort_keys=True, allow_nan=False)
+        (self._folder / "summary.json").write_text(text + "\n", encoding="utf-8")
+
+    def _open(self, name: str, header: str):
+        file = (self._folder / name).open("w", encoding="utf-8", newline="\n")
+        file.write(header)
+        return file
+
+
+def track_lines(track: np.ndarray, frame: Frame) -> str:
+    """(n,) TRACK as lines of track.csv."""
+    lat, lon, alt = frame.to_geodetic(track["x"][:, :3])
+    sigma = np.sqrt(np.diagonal(track["P"], axis1=1, axis2=2)[:, :6])
+    numbers = np.column_stack([lat, lon, alt, track["x"], sigma]).tolist()
+    ends = (track["t_ns"].tolist(), track["quality"].tolist(), track["reset_counter"].tolist())
+    return "".join(
+        TRACK_LINE % (t_ns, *row, quality, resets)
+        for t_ns, quality, resets, row in zip(*ends, numbers, strict=True)
+    )
+
+
+def verdict_lines(entries: np.ndarray, ledger: Ledger) -> str:
+    """(n,) ENTRY as lines of verdicts.csv; what has no number is left empty."""
+    channels = [*CHANNELS, ""]  # channel −1: the whole line
+    reasons = ledger.reason_texts(entries)
+    columns = (entries[f].tolist() for f in ("t_ns", "sensor", "channel", "verdict", "weight"))
+    numbers = zip(*(entries[f].tolist() for f in ("value", "predicted", "sigma")), strict=True)
+    return "".join(
+        f"{'' if t_ns == NO_TIME else t_ns},{ledger.sensors[sensor]},{channels[channel]},"
+        f"{_number(value)},{_number(predicted)},{_number(sigma)},{weight:.4g},{VERDICTS[verdict]},{_quoted(reason)}\n"
+        for (t_ns, sensor, channel, verdict, weight), (value, predicted, sigma), reason in zip(
+            zip(*columns, strict=True), numbers, reasons, strict=True
+        )
+    )
+
+
+def _number(value: float) -> str:
+    return f"{value:.10g}" if value == value else ""
+
+
+def _quoted(text: str) -> str:
+    return '"' + text.replace('"', '""') + '"' if "," in text or '"' in text else text
+
+
+def stamp(t_ns: int) -> str:
+    """A folder name for the run that began at ``t_ns``."""
+    return np.datetime_as_string(np.datetime64(t_ns, "ns"), unit="s").replace(":", "")

@@ -1,0 +1,156 @@
+"""Intake: measurements in input units become numbered rows in filter units, the impossible is judged."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from filters.models.rows import ROW, Sensor
+from gcs.contract.config import Station
+from gcs.contract.frames import Frame, polar_to_enu
+from gcs.contract.messages import CHANNELS, Bad
+from gcs.station.ledger import ANGLES, ENTRY, NO_TIME, PENDING, Ledger
+
+POLAR_FIELDS = ("range_m", "azimuth_deg", "elevation_deg", "range_rate_mps")
+# No aircraft we serve leaves these; beyond them a number is a fault of the feed, not a measurement.
+LIMITS = {
+    "range": (0.0, 1e6),
+    "azimuth": (-360.0, 720.0),
+    "elevation": (-90.0, 90.0),
+    "range_rate": (-3e3, 3e3),
+    **dict.fromkeys(("e", "n", "u"), (-1e6, 1e6)),
+    **dict.fromkeys(("ve", "vn", "vu"), (-3e3, 3e3)),
+    **dict.fromkeys(("ae", "an", "au"), (-1e3, 1e3)),
+}
+LOW, HIGH = np.array([LIMITS[name] for name in CHANNELS]).T
+
+
+class Batch(NamedTuple):
+    """One source's values in one array: (n,) ENTRY, and the valid time of each, (n,) int64 ns."""
+
+    entries: np.ndarray
+    valid_ns: np.ndarray
+    complaints: np.ndarray  # (n,) int, index into Ledger.reasons; 0 where there is nothing wrong
+
+
+def merge(batches: list[Batch]) -> Batch:
+    """One batch in the order of valid time; values of one measurement stay together."""
+    first = np.cumsum([0] + [int(b.entries["measurement"].max(initial=-1)) + 1 for b in batches])
+    for batch, offset in zip(batches, first, strict=False):
+        batch.entries["measurement"] += offset
+    entries, valid_ns, complaints = (np.concatenate(column) for column in zip(*batches, strict=True))
+    order = np.argsort(valid_ns, kind="stable")
+    return Batch(entries[order], valid_ns[order], complaints[order])
+
+
+def sensors_of(station: Station, frame: Frame) -> list[Sensor]:
+    """The estimator's sensors: the INS first, then the instruments in the order of the station file."""
+    ins_sigma = np.full(len(CHANNELS), np.nan)
+    noise = station.ins
+    ins_sigma[CHANNELS.index("e") :] = np.repeat(
+        [noise.position_m, noise.velocity_mps, noise.acceleration_mps2], 3
+    )
+    ins_sigma[CHANNELS.index("u")] = noise.height_m
+    sensors = [Sensor("ins", "ins", ins_sigma)]
+    for sensor in station.sensor:
+        sigma = np.full(len(CHANNELS), np.nan)
+        for channel, value in sensor.sigma_by_channel.items():
+            index = CHANNELS.index(channel)
+            sigma[index] = np.radians(value) if ANGLES[index] else value
+        offset, rotation = frame.place(sensor.position)
+        prior = sensor.prior
+        zero_sigma = prior.range_m, np.radians(prior.azimuth_deg), np.radians(prior.elevation_deg)
+        about = sensor.refraction, tuple(sensor.estimate), zero_sigma, prior.clock_s
+        sensors.append(Sensor(sensor.name, sensor.kind, sigma, offset, rotation, *about))
+    return sensors
+
+
+class Intake:
+    """Turns columns of measurements into ledger entries and filter rows."""
+
+    def __init__(self, station: Station, frame: Frame, ledger: Ledger):
+        self.station = station
+        self.frame = frame
+        self.ledger = ledger
+        self.names = ledger.sensors
+        self._place = {s.name: frame.place(s.position) for s in station.sensor}
+        self._latency_ns = {s.name: round(s.latency_s * 1e9) for s in station.sensor}
+        self._latency_ns["ins"] = round(station.ins.latency_s * 1e9)
+        self.separation_source = "unknown" if station.ins.geoid_separation_m is None else "station file"
+
+    def polar(self, name: str, measured: np.ndarray) -> Batch:
+        """(n,) POLAR of one instrument."""
+        values = np.stack([measured[field] for field in POLAR_FIELDS], axis=1)
+        offset, rotation = self._place[name]
+        position = polar_to_enu(
+            values[:, 0], np.radians(values[:, 1]), np.radians(values[:, 2]), offset, rotation
+        )
+        return self._batch(name, measured["t_ns"], values, CHANNELS.index("range"), position)
+
+    def ins(self, measured: np.ndarray) -> Batch:
+        """(n,) INS: heights become ellipsoidal, everything station ENU. What was guessed is complained of."""
+        lat, lon = measured["lat_deg"], measured["lon_deg"]
+        position = self.frame.to_enu(lat, lon, measured["alt_msl_m"] + self._separation(measured))
+        where = np.isfinite(lat) & np.isfinite(lon)
+        here = np.where(where, lat, self.frame.lat_deg), np.where(where, lon, self.frame.lon_deg)
+        velocity = self.frame.turn(
+            np.stack([measured[f] for f in ("ve_mps", "vn_mps", "vu_mps")], axis=1), *here
+        )
+        turned = self.frame.turn(
+            np.stack([measured[f] for f in ("ae_mps2", "an_mps2", "au_mps2")], axis=1), *here
+        )
+        values = np.concatenate([position, velocity, turned], axis=1)
+        batch = self._batch("ins", measured["t_ns"], values, CHANNELS.index("e"), position)
+        guessed = (measured["dead_reckoned"] > 0)[batch.entries["measurement"]]
+        guessed &= batch.entries["channel"] < CHANNELS.index("ae")
+        batch.complaints[guessed] = self.ledger.reason("no GPS fix, the autopilot's own dead reckoning")
+        return batch
+
+    def bad(self, name: str, bads: list[Bad]) -> Batch:
+        """Input that was no measurement at all: one entry for each."""
+        entries = np.zeros(len(bads), dtype=ENTRY)
+        entries["sensor"] = self.names.index(name)
+        entries["channel"] = -1
+        entries["measurement"] = np.arange(len(bads))
+        entries["t_ns"] = [NO_TIME if bad.t_ns is None else bad.t_ns for bad in bads]
+        for field in ("value", "position_m", "predicted", "sigma"):
+            entries[field] = np.nan
+        complaints = [self.ledger.reason(f"{bad.where}: {bad.reason}") for bad in bads]
+        return Batch(entries, entries["t_ns"].copy(), np.array(complaints, dtype=np.int32))
+
+    def enter(self, batch: Batch) -> tuple[np.ndarray, np.ndarray]:
+        """Number the values and judge the impossible. Returns the good (g,) ROW and the ids (b,) judged."""
+        ids = self.ledger.add(batch.entries)
+        good = batch.complaints == 0
+        entries = batch.entries[good]
+        rows = np.empty(len(entries), dtype=ROW)
+        rows["id"], rows["t_ns"] = ids[good], batch.valid_ns[good]
+        rows["sensor"], rows["channel"] = entries["sensor"], entries["channel"]
+        rows["value"] = np.where(ANGLES[entries["channel"]], np.radians(entries["value"]), entries["value"])
+        return rows, self.ledger.dismiss(ids[~good], "invalid", batch.complaints[~good])
+
+    def _batch(
+        self, name: str, t_ns: np.ndarray, values: np.ndarray, first_channel: int, position_m: np.ndarray
+    ) -> Batch:
+        """Spread (n, k) values of one source over entries; NaN is no value and leaves none."""
+        measurement, column = np.nonzero(~np.isnan(values))
+        entries = np.empty(len(measurement), dtype=ENTRY)
+        entries["t_ns"], entries["sensor"] = t_ns[measurement], self.names.index(name)
+        entries["channel"], entries["measurement"] = first_channel + column, measurement
+        entries["value"] = values[measurement, column]
+        entries["position_m"] = position_m[measurement]
+        entries["predicted"] = entries["sigma"] = np.nan
+        entries["weight"], entries["verdict"], entries["reason"], entries["final"] = 0.0, PENDING, 0, False
+        entries["screened"] = False
+        low, high = LOW[entries["channel"]], HIGH[entries["channel"]]
+        impossible = ~((low <= entries["value"]) & (entries["value"] <= high))
+        complaints = np.where(impossible, self.ledger.reason("no target can be there"), 0)
+        return Batch(entries, entries["t_ns"] - self._latency_ns[name], complaints)
+
+    def _separation(self, measured: np.ndarray) -> np.ndarray:
+        """Ellipsoidal minus mean-sea-level height in m, (n,): the station's, the receiver's own, else 0."""
+        if self.station.ins.geoid_separation_m is not None:
+            return np.full(len(measured), self.station.ins.geoid_separation_m)
+        own = measured["geoid_separation_m"]
+        if np.isfinite(own).any():
+            self.separation_source = "receiver"
+        return np.nan_to_num(own)

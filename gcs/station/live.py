@@ -1,0 +1,104 @@
+"""Live: measurements come from the bus, through the same session, and the cleaned state goes back onto it."""
+
+import statistics
+import threading
+import time
+from collections import Counter, deque
+from itertools import groupby
+
+import numpy as np
+
+from gcs.contract import messages
+from gcs.contract.bus import Bus
+from gcs.contract.messages import AirData, Bad, InsMeasurement, PolarMeasurement
+from gcs.station.session import Session
+
+SETTLE_S = 1.0  # a restarted station is given what the bridges kept; all of it, before the first row goes in
+POLL_S = 0.01  # how long one turn waits for the first measurement; also how often a hold can run out
+ASTRAY_NS = 5_000_000_000  # a stamp this far from the flight's clock is a fault of a clock, no delay of ours
+RECORDED_NS = 60_000_000_000  # stamps older than this on arrival come from a recording, not over a slow link
+MEMORY = 101  # arrivals of which the median is a source's usual lag: some seconds, and odd
+
+
+class BusFeeds:
+    """The measurements on the bus. The flight's clock is the INS's, else that of the first source."""
+
+    def __init__(self, bus: Bus):
+        self._bus = bus
+        self.incoming = bus.subscribe("raw/*")
+        self.history = True  # what comes first was kept for us, and may be as old as it likes
+        self._lags_ns: dict[str, deque] = {}
+
+    def astray(self, name: str, t_ns: np.ndarray, arrival_ns: int) -> np.ndarray:
+        """Take in (n,) stamps that arrived now; returns (n,) bool, true where a stamp cannot be right."""
+        lags = arrival_ns - t_ns
+        if self.history:
+            return lags < -ASTRAY_NS
+        self._lags_ns.setdefault(name, deque(maxlen=MEMORY)).extend(lags[-MEMORY:].tolist())
+        reference = "ins" if "ins" in self._lags_ns else next(iter(self._lags_ns))
+        return np.abs(lags - statistics.median(self._lags_ns[reference])) > ASTRAY_NS
+
+    def latency_s(self, name: str) -> float:
+        """Median of arrival minus validity. A flight from a recording is as late as its fastest source: 0."""
+        usual = {source: statistics.median(lags) for source, lags in self._lags_ns.items()}
+        least = min(usual.values(), default=0)
+        recorded = least if abs(least) > RECORDED_NS else 0
+        return (usual.get(name, recorded) - recorded) / 1e9
+
+    def alive(self, name: str) -> bool:
+        """Does the source hold its liveliness token?"""
+        return name in self._bus.alive()
+
+    def queue_age_s(self) -> float:
+        return self.incoming.age_s
+
+
+def run(session: Session, feeds: BusFeeds, stop: threading.Event) -> dict:
+    """Serve until ``stop``; returns the summary."""
+    strangers: Counter = Counter()
+    stop.wait(SETTLE_S)
+    while not stop.is_set():
+        arrived = sorted(feeds.incoming.drain(POLL_S), key=lambda pair: pair[0])
+        now_ns = time.time_ns()
+        for name, pairs in groupby(arrived, key=lambda pair: pair[0]):
+            found = [message for _, message in pairs]
+            if name in session.ledger.sensors:
+                _enter(session, name, found, feeds, now_ns)
+            elif name == "air":
+                _enter_air(session, found, feeds, now_ns)
+            else:
+                strangers[name] += len(found)
+        session.advance(session.align.due_ns(now_ns))
+        feeds.history = False
+    queue = feeds.incoming
+    lost = {"queue_full": queue.dropped, "on_the_way": queue.missed, "undecodable": queue.undecodable}
+    return session.finish({"complete": True, "bus": lost, "unknown_sources": dict(strangers)})
+
+
+def _enter(session: Session, name: str, found: list, feeds: BusFeeds, now_ns: int) -> None:
+    """One source's messages into the session; no measurement of its kind, or astray: complained of."""
+    intake = session.intake
+    kind = InsMeasurement if name == "ins" else PolarMeasurement
+    good = [message for message in found if isinstance(message, kind)]
+    bad = [_no_measurement(name, message) for message in found if not isinstance(message, kind)]
+    if bad:
+        session.enter(intake.bad(name, bad), now_ns)
+    if good:
+        measured = messages.to_columns(good, kind)
+        batch = intake.ins(measured) if name == "ins" else intake.polar(name, measured)
+        astray = feeds.astray(name, measured["t_ns"], now_ns)[batch.entries["measurement"]]
+        batch.complaints[astray] = session.ledger.reason("stamped seconds away from the flight's clock")
+        session.enter(batch, now_ns)
+
+
+def _enter_air(session: Session, found: list, feeds: BusFeeds, now_ns: int) -> None:
+    samples = messages.to_columns([m for m in found if isinstance(m, AirData)], AirData)
+    session.enter_air(samples[~feeds.astray("air", samples["t_ns"], now_ns)])
+
+
+def _no_measurement(name: str, message) -> Bad:
+    if isinstance(message, Bad):
+        return message
+    return Bad(
+        source=name, where=f"raw/{name}", reason=f"a {type(message).__name__} is no measurement of {name}"
+    )

@@ -1,0 +1,202 @@
+"""After the flight: a tlog and the feed files through the same session, on the flight's own clock."""
+
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from bridges import radar, theodolite
+from bridges.tlog import flight as tlog_flight
+from bridges.tlog import tlog
+from gcs.contract.config import Station
+from gcs.contract.frames import Frame
+from gcs.contract.messages import InputError
+from gcs.station.intake import Batch, Intake, merge
+from gcs.station.session import Session
+
+STEP_NS = 1_000_000_000  # data taken in one go at full speed: long enough to be quick, short enough to seek
+TICK_S = 0.02  # pace of the loop at a given speed
+APART_NS = 60_000_000_000  # a feed row this far outside the flight cannot belong to it
+TURN_DEG = 5.0  # an instrument that disagrees with the aircraft by more than this is looking elsewhere
+READ_FEED = {"theodolite": theodolite.read, "radar": radar.read}
+
+
+class MeasuredFlight(NamedTuple):
+    """Everything that was measured, still in input units."""
+
+    frame: Frame
+    ins: np.ndarray  # (n,) INS
+    air: np.ndarray  # (n,) AIR
+    feeds: dict[str, tuple]  # name → ((m,) POLAR, list of Bad)
+    about: dict  # what the summary says of the source
+    start_ns: int
+    end_ns: int
+
+
+def load(log: Path, station: Station, feeds: dict[str, Path]) -> MeasuredFlight:
+    """Read a flight. Raises ``InputError`` with one line that says which file, where and what to do."""
+    kinds = {sensor.name: sensor.kind for sensor in station.sensor}
+    for name in feeds:
+        if name not in kinds:
+            raise InputError(
+                f"--feed {name}: the station has no sensor of that name; it has {', '.join(kinds) or 'none'}"
+            )
+    own = tlog_flight.flight(tlog.read(log), station.vehicle.system_id)
+    ins = own.rows
+    measured = {name: READ_FEED[kinds[name]](path, name) for name, path in feeds.items()}
+    frame = _frame(station, ins)
+    start_ns, end_ns = int(ins["t_ns"].min()), int(ins["t_ns"].max())
+    where = ins[np.isfinite(ins["lat_deg"])]
+    position = frame.to_enu(where["lat_deg"], where["lon_deg"], where["alt_msl_m"])
+    seen = np.column_stack([where["t_ns"] / 1e9, position])
+    for sensor in station.sensor:
+        if sensor.name in measured and len(measured[sensor.name][0]):
+            _check_feed(feeds[sensor.name], measured[sensor.name][0], seen, frame.place(sensor.position))
+    return MeasuredFlight(frame, ins, own.air, measured, {"log": own.report}, start_ns, end_ns)
+
+
+def batch(flight: MeasuredFlight, intake: Intake) -> Batch:
+    """All of a flight's values in order of valid time; those outside the flight are complained of."""
+    parts = [intake.ins(flight.ins)]
+    for name, (measured, bads) in flight.feeds.items():
+        parts += [intake.polar(name, measured), intake.bad(name, bads)]
+    merged = merge(parts)
+    outside = (merged.valid_ns < flight.start_ns - APART_NS) | (merged.valid_ns > flight.end_ns + APART_NS)
+    outside &= merged.complaints == 0
+    merged.complaints[outside] = intake.ledger.reason("not within a minute of the flight")
+    return merged
+
+
+class Playback:
+    """Where the replay stands; the view's buttons work it, the replay obeys."""
+
+    def __init__(self, start_ns: int, end_ns: int, speed: float):
+        self.start_ns, self.end_ns, self.now_ns = start_ns, end_ns, start_ns
+        self.speed, self.playing = speed, True
+        self.stopped = False
+        self._goal_ns: int | None = None
+        self._changed = threading.Condition()
+        self._mark()
+
+    def play(self) -> None:
+        self._set(playing=True)
+
+    def pause(self) -> None:
+        self._set(playing=False)
+
+    def set_speed(self, speed: float) -> None:
+        self._set(speed=speed)
+
+    def seek(self, t_ns: int) -> None:
+        self._set(_goal_ns=int(np.clip(t_ns, self.start_ns, self.end_ns)))
+
+    def stop(self) -> None:
+        self._set(stopped=True)
+
+    def upto(self) -> int | None:
+        """How far to go now, waiting while there is nothing to do; None: start anew, the goal lies behind."""
+        with self._changed:
+            while not self.stopped:
+                if self._goal_ns is not None and self._goal_ns < self.now_ns:
+                    self.now_ns = self.start_ns
+                    return None
+                target_ns = self._target_ns()
+                if target_ns > self.now_ns:
+                    self.now_ns = target_ns
+                    return target_ns
+                self._changed.wait(TICK_S)
+            return self.now_ns
+
+    def _target_ns(self) -> int:
+        """Where time has come to: a seek hurries, a pause stands still."""
+        if self._goal_ns is not None and self.now_ns < self._goal_ns:
+            return min(self._goal_ns, self.now_ns + STEP_NS)
+        if self._goal_ns is not None:
+            self._goal_ns = None
+            self._mark()
+        if not self.playing:
+            return self.now_ns
+        if self.speed == float("inf"):
+            return min(self.end_ns, self.now_ns + STEP_NS)
+        return min(self.end_ns, self._from_ns + round((time.monotonic() - self._from_s) * self.speed * 1e9))
+
+    def _set(self, **changes) -> None:
+        with self._changed:
+            for name, value in changes.items():
+                setattr(self, name, value)
+            self._mark()
+            self._changed.notify_all()
+
+    def _mark(self) -> None:
+        """From here on, time runs at ``speed``."""
+        self._from_s, self._from_ns = time.monotonic(), self.now_ns
+
+
+def run(
+    flight: MeasuredFlight, new_session: Callable[[], Session], playback: Playback, *, stay: bool
+) -> dict:
+    """Play a flight through; ``stay``: at its end wait for another seek. Returns the last summary."""
+    while True:
+        session = new_session()
+        whole = batch(flight, session.intake)
+        session.enter_air(flight.air)
+        taken = 0
+        while (upto_ns := playback.upto()) is not None:
+            until = int(np.searchsorted(whole.valid_ns, upto_ns, side="right"))
+            session.enter(Batch(*(column[taken:until] for column in whole)))
+            session.advance(upto_ns)
+            taken = until
+            if playback.stopped or upto_ns == playback.end_ns:
+                break
+        if upto_ns is None:
+            continue
+        if not playback.stopped:
+            session.enter(Batch(*(column[taken:] for column in whole)))
+        summary = session.finish(flight.about | {"complete": not playback.stopped})
+        if not stay or playback.stopped or playback.upto() is not None:
+            return summary
+
+
+def _frame(station: Station, ins: np.ndarray) -> Frame:
+    """The station's origin; without one, the flight's first position."""
+    origin = station.range.origin
+    if origin:
+        return Frame(origin.lat_deg, origin.lon_deg, origin.alt_m)
+    first = ins[np.isfinite(ins["lat_deg"])][0]
+    separation = station.ins.geoid_separation_m
+    if separation is None:
+        separation = float(np.nan_to_num(first["geoid_separation_m"]))
+    return Frame(float(first["lat_deg"]), float(first["lon_deg"]), float(first["alt_msl_m"]) + separation)
+
+
+def _check_feed(path: Path, measured: np.ndarray, flight: np.ndarray, place: tuple) -> None:
+    """Refuse a feed that as a whole is from another time, or in radians.
+
+    ``flight`` (n, 4): the aircraft's own t in s and station ENU; ``place``: offset and rotation.
+    """
+    t_s = measured["t_ns"] / 1e9
+    inside = (t_s >= flight[0, 0] - APART_NS / 1e9) & (t_s <= flight[-1, 0] + APART_NS / 1e9)
+    if not inside.any():
+        spans = [" to ".join(_utc(t) for t in (span.min(), span.max())) for span in (t_s, flight[:, 0])]
+        raise InputError(
+            f"{path}: covers {spans[0]}, the flight {spans[1]}; check the clock and time zone of the feed"
+        )
+    offset, rotation = place
+    seen = np.stack([np.interp(t_s[inside], flight[:, 0], flight[:, k]) for k in (1, 2, 3)], axis=1)
+    east, north, _ = rotation @ (seen - offset).T
+    expected, azimuth = np.degrees(np.arctan2(east, north)), measured["azimuth_deg"][inside]
+    in_degrees, in_radians = (_median_turn(expected, a) for a in (azimuth, np.degrees(azimuth)))
+    if in_degrees > TURN_DEG > in_radians:
+        raise InputError(f"{path}: azimuth_deg is in radians; multiply azimuth and elevation by 57.29578")
+
+
+def _median_turn(a_deg: np.ndarray, b_deg: np.ndarray) -> float:
+    away = np.abs((a_deg - b_deg + 180.0) % 360.0 - 180.0)
+    return float(np.median(away[np.isfinite(away)])) if np.isfinite(away).any() else 0.0
+
+
+def _utc(t_s: float) -> str:
+    return time.strftime("%Y-%m-%d %H:%M:%SZ", time.gmtime(t_s))

@@ -1,0 +1,79 @@
+"""The demo and the doctor, as an operator starts them."""
+
+import json
+import signal
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from gcs.commands import doctor
+
+SAMPLE = Path(__file__).resolve().parents[3] / "logs" / "sample"
+
+
+@pytest.fixture
+def ports():
+    """Free ports for the bus and the MAVLink link."""
+    with socket.socket() as bus, socket.socket(type=socket.SOCK_DGRAM) as link:
+        bus.bind(("127.0.0.1", 0))
+        link.bind(("127.0.0.1", 0))
+        return bus.getsockname()[1], link.getsockname()[1]
+
+
+@pytest.mark.network
+def test_the_demo_flies_live_and_ends(tmp_path, ports):
+    """All four feeds arrive over Zenoh, MAVLink over UDP, and the run folder is whole."""
+    settings = f"bus.endpoint=tcp/127.0.0.1:{ports[0]}", f"mavlink.link=udpin:127.0.0.1:{ports[1]}"
+    command = [sys.executable, "-m", "gcs", "demo", "--no-view", "--seconds", "8", "--out", str(tmp_path)]
+    done = subprocess.run(
+        [*command, "--config", *settings], capture_output=True, text=True, timeout=120, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert set(summary["verdicts"]) == {"ins", "theo-north", "theo-east", "radar-1"}
+    assert all(channels for channels in summary["verdicts"].values())
+    assert len((tmp_path / "track.csv").read_text().splitlines()) > 50
+
+
+@pytest.mark.network
+def test_two_signals_at_once_end_it_cleanly(tmp_path, ports):
+    """As a stopped ``make demo`` sends them: one to the group, one from make."""
+    settings = f"bus.endpoint=tcp/127.0.0.1:{ports[0]}", f"mavlink.link=udpin:127.0.0.1:{ports[1]}"
+    command = [
+        sys.executable,
+        "-m",
+        "gcs",
+        "demo",
+        "--no-view",
+        "--out",
+        str(tmp_path),
+        "--config",
+        *settings,
+    ]
+    running = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+    for line in running.stderr:
+        if line.startswith("bus:"):
+            break
+    time.sleep(2.0)
+    for _ in range(20):
+        running.send_signal(signal.SIGTERM)
+    assert running.wait(30) == 0
+    running.stderr.close()
+    assert (tmp_path / "summary.json").exists()
+
+
+def test_the_doctor_finds_what_is_wrong(capsys, ports):
+    bus = f"bus.endpoint=tcp/127.0.0.1:{ports[0]}"
+    assert doctor.run(SAMPLE / "station.toml", (bus, f"view.port={ports[0]}"))
+    assert not doctor.run(None, (bus,))  # no origin
+    assert "origin is missing" in capsys.readouterr().err
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        assert not doctor.run(SAMPLE / "station.toml", (f"bus.endpoint=tcp/127.0.0.1:{port}",))
+    assert f"{port}" in capsys.readouterr().err

@@ -1,0 +1,162 @@
+"""The main job on the sample flight: nothing lost, the same files every time, near the truth."""
+
+import csv
+import json
+from collections import Counter
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gcs.contract import config
+from gcs.outputs.record import Record
+from gcs.station import replay
+from gcs.station.ledger import NO_TIME
+from gcs.station.session import Session
+
+SAMPLE = Path(__file__).resolve().parents[3] / "logs" / "sample"
+FEEDS = {name: SAMPLE / f"{name}.csv" for name in ("theo-north", "theo-east", "radar-1")}
+
+
+def play(
+    out: Path, feeds: dict[str, Path], step_ns: int = replay.STEP_NS
+) -> tuple[replay.MeasuredFlight, dict]:
+    """Replay the sample flight into ``out``, ``step_ns`` of data at a time."""
+    station = config.load(SAMPLE / "station.toml")
+    flight = replay.load(SAMPLE / "flight.tlog", station, feeds)
+    session = Session(station, flight.frame, [Record(out, station, flight.frame)])
+    whole = replay.batch(flight, session.intake)
+    edges = np.arange(flight.start_ns, flight.end_ns + replay.APART_NS, step_ns)
+    for begin, end in pairwise([NO_TIME, *edges.tolist()]):
+        inside = (whole.valid_ns >= begin) & (whole.valid_ns < end)
+        session.enter(replay.Batch(*(column[inside] for column in whole)))
+        session.advance(int(end))
+    return flight, session.finish(flight.about)
+
+
+def table(path: Path) -> list[dict]:
+    with path.open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    out = tmp_path_factory.mktemp("run")
+    flight, summary = play(out, FEEDS)
+    return out, flight, summary
+
+
+def test_every_value_has_exactly_one_verdict(run):
+    out, flight, summary = run
+    came_in = sum(np.isfinite(flight.ins[name]).sum() for name in ("lat_deg", "ve_mps", "ae_mps2")) * 3
+    for measured, bads in flight.feeds.values():
+        channels = ("range_m", "azimuth_deg", "elevation_deg", "range_rate_mps")
+        came_in += sum(np.isfinite(measured[name]).sum() for name in channels) + len(bads)
+    rows = table(out / "verdicts.csv")
+    assert len(rows) == came_in
+    counted = Counter((row["sensor"], row["channel"] or "line", row["verdict"]) for row in rows)
+    stated = {
+        (sensor, channel, verdict): n
+        for sensor, channels in summary["verdicts"].items()
+        for channel, verdicts in channels.items()
+        for verdict, n in verdicts.items()
+    }
+    assert counted == stated
+
+
+@pytest.mark.slow
+def test_the_same_bits_however_the_data_are_cut(run, tmp_path):
+    out, _, _ = run
+    play(tmp_path, FEEDS, step_ns=70_000_000)
+    for name in ("track.csv", "smoothed.csv", "summary.json", "station.toml", "verdicts.csv"):
+        assert (tmp_path / name).read_bytes() == (out / name).read_bytes(), name
+
+
+def test_summary_states_settings_rates_and_gaps(run):
+    _, _, summary = run
+    assert summary["settings"]["method"] == "default"
+    assert summary["settings"]["station"]["sensor"][0]["name"] == "theo-north"
+    assert summary["software"]["version"]
+    paces = summary["pace"]
+    assert paces["theo-north"]["rate_hz"] == pytest.approx(20.0, rel=0.01)
+    assert paces["radar-1"]["rate_hz"] == pytest.approx(10.0, rel=0.01)
+    assert paces["theo-east"]["gaps"] >= 1  # the sample has drop-outs
+    assert paces["theo-east"]["longest_gap_s"] > 1.0
+
+
+def test_near_the_truth(run):
+    """Within a metre and a half of the simulator's own track, newest state and best estimate."""
+    out, flight, _ = run
+    truth = np.genfromtxt(SAMPLE / "truth.csv", delimiter=",", names=True)
+    enu = flight.frame.to_enu(truth["lat_deg"], truth["lon_deg"], truth["alt_m"])
+    for name, limit_m in (("track.csv", 1.5), ("smoothed.csv", 1.0)):
+        rows = table(out / name)
+        t_s = np.array([int(row["t_ns"]) for row in rows]) / 1e9
+        seen = np.array([[float(row[axis]) for axis in ("e_m", "n_m", "u_m")] for row in rows])
+        inside = (t_s > truth["t_ns"][0] / 1e9 + 5) & (t_s < truth["t_ns"][-1] / 1e9)
+        true = np.stack([np.interp(t_s, truth["t_ns"] / 1e9, enu[:, k]) for k in range(3)], axis=1)
+        rms = np.sqrt(np.mean(np.sum((seen - true)[inside] ** 2, axis=1)))
+        assert rms < limit_m, name
+
+
+@pytest.mark.slow
+def test_damaged_feed_lines_cost_only_themselves(run, tmp_path):
+    """NaN, 1e300, text, a missing field, rows repeated and out of order: all judged, the others untouched."""
+    lines = (SAMPLE / "radar-1.csv").read_text().splitlines()
+    header, rows = lines[0], lines[1:]
+    damaged = list(rows)
+    fields = damaged[100].split(",")
+    damaged[100] = ",".join([fields[0], "1e300", *fields[2:]])
+    damaged[200] = ",".join([damaged[200].split(",")[0], "nan", *damaged[200].split(",")[2:]])
+    damaged[300] = "what is this"
+    damaged[400], damaged[450] = damaged[450], damaged[400]
+    damaged.insert(500, damaged[499])
+    path = tmp_path / "radar-1.csv"
+    path.write_text("\n".join([header, *damaged]) + "\n")
+    _, summary = play(tmp_path / "run", FEEDS | {"radar-1": path})
+    counts = Counter()
+    for channel in summary["verdicts"]["radar-1"].values():
+        counts.update(channel)
+    channels = sum(bool(field) for field in rows[499].split(",")[1:])
+    assert counts["invalid"] == 2
+    assert counts["duplicate"] == channels
+    clean = Counter()
+    for channel in run[2]["verdicts"]["radar-1"].values():
+        clean.update(channel)
+    # line 300 lost its values and is one verdict instead, line 200 lost its range; 1e300 is still one value
+    lost = sum(bool(field) for field in rows[300].split(",")[1:]) - 1 + 1
+    assert sum(counts.values()) == sum(clean.values()) - lost + channels
+
+
+@pytest.mark.slow
+def test_a_run_that_is_cut_off_leaves_what_was_final(tmp_path):
+    station = config.load(SAMPLE / "station.toml")
+    flight = replay.load(SAMPLE / "flight.tlog", station, FEEDS)
+    session = Session(station, flight.frame, [Record(tmp_path, station, flight.frame)])
+    whole = replay.batch(flight, session.intake)
+    half = whole.valid_ns < (flight.start_ns + flight.end_ns) // 2
+    session.enter(replay.Batch(*(column[half] for column in whole)))
+    session.advance(int(whole.valid_ns[half][-1]))
+    assert len(table(tmp_path / "track.csv")) > 100
+    assert len(table(tmp_path / "verdicts.csv")) > 100
+    assert not (tmp_path / "summary.json").exists()
+
+
+def test_playback_pauses_seeks_and_ends():
+    playback = replay.Playback(0, 10 * replay.STEP_NS, float("inf"))
+    assert playback.upto() == replay.STEP_NS
+    playback.pause()
+    playback.seek(5 * replay.STEP_NS)
+    assert [playback.upto() for _ in range(4)] == [k * replay.STEP_NS for k in (2, 3, 4, 5)]
+    playback.seek(0)
+    assert playback.upto() is None
+    playback.play()
+    assert playback.upto() == replay.STEP_NS
+    playback.stop()
+    assert playback.upto() == replay.STEP_NS
+
+
+def test_summary_is_json_without_nan(run):
+    text = (run[0] / "summary.json").read_text(encoding="utf-8")
+    json.loads(text, parse_constant=lambda name: pytest.fail(f"{name} in summary.json"))
