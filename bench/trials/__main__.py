@@ -8,7 +8,10 @@ import importlib
 import os
 import sys
 
-COMMANDS = {"flights": "recorded and simulated flights with simulated instruments"}
+COMMANDS = {
+    "flights": "recorded and simulated flights with simulated instruments",
+    "autoferry": "real radar and lidar of a ferry",
+}
 
 
 def main(arguments: list[str] | None = None) -> None:

@@ -16,7 +16,7 @@ ambiguous              epochs, %       start_s  first state after the first row 
 import numpy as np
 
 PERCENT = {
-    "beyond3", "beyond5", "beyond3_smooth", "beyond5_smooth", "found", "ins_refused", "misleading",
+    "beyond3", "beyond5", "beyond3_smooth", "beyond5_smooth", "found", "ins_refused", "misleading", "refused",
     "ambiguous",
 }  # fmt: skip
 BEST_HIGH = {"found"}

@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from bench.trials import world
-from bench.trials.world import ROW, Sensor, Truth, scenario, simulate
+from bench.trials.world import Sensor, Truth, scenario, simulate
 
 RECORDED = ("copter_calm", "copter_fast_wind8", "plane_aero", "plane_gpsloss", "plane_wind8", "plane_wind12")
 LEVELS = ("hover", "gentle", "normal", "aggressive")
@@ -161,9 +161,9 @@ def refined(coarse: np.ndarray, fine: np.ndarray) -> np.ndarray:
     return fine + basis @ np.linalg.lstsq(basis, coarse - fine, rcond=None)[0]
 
 
-def slope(t_s: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """(n, 3) derivative of ``v``: a line through the neighbours within SMOOTH_S, at least one either side."""
-    half = max(1, round(SMOOTH_S / np.median(np.diff(t_s))))
+def slope(t_s: np.ndarray, v: np.ndarray, within_s: float = SMOOTH_S) -> np.ndarray:
+    """(n, 3) derivative of ``v``: a line through the neighbours ``within_s``, at least one either side."""
+    half = max(1, round(within_s / np.median(np.diff(t_s))))
     k = np.arange(len(t_s))
     at_row = np.clip(k[:, None] + np.arange(-half, half + 1), 0, len(t_s) - 1)
     off_s = t_s[at_row] - t_s[at_row].mean(axis=1, keepdims=True)
@@ -177,5 +177,4 @@ def simulated(level: str, seed: int, seconds: float = SPAN_S, latency_s: float =
     said = simulate.ins(truth, rng, simulate.AUTOPILOT._replace(latency_s=latency_s))
     rows, _ = simulate.rows([said])
     clean = true_values(truth, (rows["t_ns"] - simulate.T0_NS) * 1e-9, rows["channel"])
-    assert rows.dtype == ROW
     return Flight(level, simulate.T0_NS, truth, world.default_ins(), rows, rows["t_ns"] + 30_000_000, clean)

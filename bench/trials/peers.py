@@ -1,7 +1,7 @@
 """Small filters to stand beside the estimator: extended Kalman filters on the ground instruments alone.
 
 jerk    nine states, white jerk, takes every value: told the labels, it is what a textbook filter can reach
-cv      constant velocity, 3-sigma gate per value; begins again after a gap or a run of refusals
+cv      constant velocity, 3-sigma gate per value; begins again after a gap or when most values are refused
 cv-all  constant velocity, takes every value
 
 Formulas: Bar-Shalom, Li, Kirubarajan (2001), 5.2, 6.2, 8.6 (smoother of Rauch, Tung, Striebel), 10.3.
@@ -15,7 +15,8 @@ from numba import njit
 from bench.trials.world import AZIMUTH, ELEVATION, RANGE, ROW, TRACK, VERDICT, Step
 
 SPEED_SIGMA_MPS, ACCELERATION_SIGMA_MPS2 = 30.0, 10.0
-GAP_S, RUN = 10.0, 15  # silence, and refused values in a row, after which it begins again
+GAP_S = 10.0  # of silence, after which it begins again, as it does
+LOST, MEMORY = 0.7, 0.05  # when so many of about the last 1/MEMORY values were refused
 HEIGHT_SIGMA_M = 50.0  # of a first fix that has no elevation
 USED, ISOLATED = 0, 2
 
@@ -48,7 +49,7 @@ class Ekf:
         self._ground = np.array([s.kind != "ins" for s in sensors])
         n = 3 * peer.order
         self._x, self._P = np.zeros(n), np.zeros((n, n))
-        self._clock = np.zeros(4)  # started, time s of the state, refusals in a row, times begun
+        self._clock = np.zeros(4)  # started, time s of the state, share refused lately, times begun
         self._waiting = np.zeros(0, ROW)
         self._epochs: list[tuple] = []
         self._t0_ns: int | None = None
@@ -211,7 +212,7 @@ def _follow(t_s, sensor, channel, value, sigma, offset, turn, peer, x, P, clock,
     n, epoch, likelihood = len(x), 0, 0.0
     h = np.zeros(n)
     for i in range(len(t_s)):
-        if clock[0] == 1.0 and (t_s[i] - clock[1] > GAP_S or clock[2] > RUN) and gate < np.inf:
+        if clock[0] == 1.0 and (t_s[i] - clock[1] > GAP_S or clock[2] > LOST) and gate < np.inf:
             clock[0] = 0.0
         if clock[0] == 0.0:
             if not _begin(t_s, sensor, channel, value, i, offset, turn, sigma, x, P):
@@ -237,10 +238,11 @@ def _follow(t_s, sensor, channel, value, sigma, offset, turn, peer, x, P, clock,
             x += K * v
             P -= np.outer(K, m)
             likelihood -= 0.5 * (v * v / S + np.log(2.0 * np.pi * S))
-            fit[i, 2], clock[2] = 1.0, 0.0
+            fit[i, 2] = 1.0
+            clock[2] -= MEMORY * clock[2]
         else:
             verdict[i] = ISOLATED
-            clock[2] += 1.0
+            clock[2] += MEMORY * (1.0 - clock[2])
         if i + 1 == len(t_s) or t_s[i + 1] != t_s[i]:
             xs[epoch], Ps[epoch] = x, P
             when[epoch, 0], when[epoch, 1] = t_s[i], clock[3]

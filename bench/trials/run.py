@@ -33,6 +33,13 @@ def make_estimator(name: str, sensors, **settings):
     return estimator.make(name, sensors, wanted)
 
 
+def known_height(mean_m: float, sigma_m: float) -> dict[str, float] | None:
+    """Settings that tell an estimator a target's height beforehand; None where it cannot be told."""
+    fields = estimator.Settings._fields
+    told = {"height_m": mean_m, "height_sigma_m": sigma_m}
+    return told if set(told) <= set(fields) else None
+
+
 def follow(one, rows: np.ndarray, clock_ns: np.ndarray, batch_s: float = BATCH_S) -> Run:
     """Run ``rows`` (n,) ROW through a fresh estimator in the order of ``clock_ns``, in batches."""
     one.warm_up()

@@ -15,23 +15,33 @@ CLEAR_SIGMA = 6.0  # an outlier that everybody should find
 NONE_YET = {"rms": np.inf, "median": np.inf, "p95": np.inf, "worst": np.inf, "far_s": np.inf}
 
 
-def figures(scene: Scene, run: Run, told: Run | None = None, settle_s: float = SETTLE_S) -> dict[str, float]:
-    """All figures of a run: see ``columns.py`` for their names."""
+def figures(
+    scene: Scene,
+    run: Run,
+    told: Run | None = None,
+    settle_s: float = SETTLE_S,
+    t_ns: np.ndarray | None = None,
+    axes: int = 3,
+) -> dict[str, float]:
+    """All figures of a run: see ``columns.py`` for their names.
+
+    ``t_ns``: where it is judged, else on `grid`. ``axes`` 2: the height is not looked at.
+    """
     if not len(run.track):
         return NONE_YET | {"rms_smooth": np.inf, "resets": 0, "cpu_s": run.cpu_s, "silent_s": np.inf}
-    t_ns = grid(scene.flight, run.track, settle_s)
-    newest = errors(scene.flight, run.track, t_ns, True)
-    best = errors(scene.flight, run.smoothed, t_ns, False)
-    out = spread(newest[0], "") | {f"{name}_smooth": x for name, x in spread(best[0], "").items()}
-    out |= honesty(newest, "") | {f"{name}_smooth": x for name, x in honesty(best, "").items()}
+    t_ns = grid(scene.flight, run.track, settle_s) if t_ns is None else t_ns
+    newest = errors(scene.flight, run.track, t_ns, True, axes)
+    best = errors(scene.flight, run.smoothed, t_ns, False, axes)
+    out = spread(newest[0], t_ns) | {f"{name}_smooth": x for name, x in spread(best[0], t_ns).items()}
+    out |= honesty(newest, t_ns) | {f"{name}_smooth": x for name, x in honesty(best, t_ns).items()}
     out |= protection(run.track, *newest) | caught(scene, run)
     out["resets"] = int(run.track["reset_counter"].max())
     out["silent_s"] = float(np.diff(run.track["t_ns"]).max(initial=0) * 1e-9)
     out["start_s"] = (int(run.track["t_ns"][0]) - int(scene.rows["t_ns"][0])) * 1e-9
     out["cpu_s"] = run.cpu_s
     if told is not None and len(told.track):
-        theirs = errors(scene.flight, told.track, t_ns, True)[0]
-        theirs_best = errors(scene.flight, told.smoothed, t_ns, False)[0]
+        theirs = errors(scene.flight, told.track, t_ns, True, axes)[0]
+        theirs_best = errors(scene.flight, told.smoothed, t_ns, False, axes)[0]
         out["over_told"] = out["rms"] / rms(theirs)
         out["over_told_smooth"] = out["rms_smooth"] / rms(theirs_best)
     return out
@@ -44,10 +54,10 @@ def grid(flight: Flight, track: np.ndarray, settle_s: float = SETTLE_S) -> np.nd
     return np.arange(begin, max(end, begin + 1), round(GRID_S * 1e9))
 
 
-def errors(flight: Flight, track: np.ndarray, t_ns: np.ndarray, causal: bool):
-    """((k,) m, (k, 3) m, (k, 3, 3) m², (k,) index) of the state at ``t_ns``: moved on, never from the future.
+def errors(flight: Flight, track: np.ndarray, t_ns: np.ndarray, causal: bool, axes: int = 3):
+    """((k,) m, (k, a) m, (k, a, a) m², (k,) index) of the state at ``t_ns``: moved on, never from the future.
 
-    Not ``causal``: the nearest state, before or after.
+    Not ``causal``: the nearest state, before or after. ``axes``: a, how many count.
     """
     k = np.clip(np.searchsorted(track["t_ns"], t_ns, side="right") - 1, 0, len(track) - 1)
     if not causal:
@@ -56,43 +66,44 @@ def errors(flight: Flight, track: np.ndarray, t_ns: np.ndarray, causal: bool):
         k = np.where(nearer, after, k)
     age_s, x = ((t_ns - track["t_ns"][k]) * 1e-9)[:, None], track["x"][k]
     off = x[:, :3] + age_s * (x[:, 3:6] + age_s / 2 * x[:, 6:9]) - at(flight, t_ns)[0]
-    P = track["P"][k, :3, :3].copy()
+    off, P = off[:, :axes], track["P"][k, :axes, :axes].copy()
     P[np.abs(age_s[:, 0]) > FRESH_S] = np.nan
     return np.linalg.norm(off, axis=1), off, P, k
 
 
-def spread(error_m: np.ndarray, prefix: str) -> dict[str, float]:
+def spread(error_m: np.ndarray, t_ns: np.ndarray) -> dict[str, float]:
     """RMS, median, 95th percentile and worst in m, and the longest time beyond FAR_M in s."""
-    far = np.concatenate([[0], (~(error_m <= FAR_M)).astype(int), [0]])
-    edge = np.flatnonzero(np.diff(far))
+    near_ns = np.concatenate([t_ns[:1], t_ns[error_m <= FAR_M], t_ns[-1:]])
+    far = (~(error_m <= FAR_M)).any()
     return {
-        f"{prefix}rms": rms(error_m),
-        f"{prefix}median": float(np.median(error_m)),
-        f"{prefix}p95": float(np.percentile(error_m, 95)),
-        f"{prefix}worst": float(error_m.max()),
-        f"{prefix}far_s": float((edge[1::2] - edge[::2]).max(initial=0) * GRID_S),
+        "rms": rms(error_m),
+        "median": float(np.median(error_m)),
+        "p95": float(np.percentile(error_m, 95)),
+        "worst": float(error_m.max()),
+        "far_s": float(np.diff(near_ns).max(initial=0) * 1e-9) if far else 0.0,
     }
 
 
-def honesty(judged, prefix: str) -> dict[str, float]:
+def honesty(judged, t_ns: np.ndarray) -> dict[str, float]:
     """Shares beyond 3 and 5 sigma on any axis; mean NEES of position, and its distance from its 95 % band.
 
-    The band is that of the mean of n independent χ²(3), 3 ± 1.96 √(6/n), n one per second: errors of a
-    filter are correlated, so more would be claiming too much. ``nees_off`` 0: inside.
+    The band is that of the mean of n independent χ²(a), a ± 1.96 √(2a/n), n one per second at most: errors of
+    a filter are correlated, so more would be claiming too much. ``nees_off`` 0: inside.
     """
     _, off, P, _ = judged
     known = np.isfinite(P[:, 0, 0])
     if not known.any():
         return {}
-    off, P = off[known], P[known]
+    off, P, axes = off[known], P[known], off.shape[1]
     beyond = np.max(np.abs(off) / np.sqrt(np.einsum("kii->ki", P)), axis=1)
     nees = np.einsum("ki,ki->k", off, np.linalg.solve(P, off[..., None])[..., 0])
-    mean, half = float(np.mean(nees)), 1.96 * np.sqrt(6.0 / max(1.0, known.sum() * GRID_S))
+    n = len(np.unique(t_ns[known] // 1_000_000_000))
+    mean, half = float(np.mean(nees)), 1.96 * np.sqrt(2.0 * axes / n)
     return {
-        f"{prefix}beyond3": float(np.mean(beyond > 3.0)),
-        f"{prefix}beyond5": float(np.mean(beyond > 5.0)),
-        f"{prefix}nees": mean,
-        f"{prefix}nees_off": max(0.0, 3.0 - half - mean, mean - 3.0 - half),
+        "beyond3": float(np.mean(beyond > 3.0)),
+        "beyond5": float(np.mean(beyond > 5.0)),
+        "nees": mean,
+        "nees_off": max(0.0, axes - half - mean, mean - axes - half),
     }
 
 
@@ -102,12 +113,15 @@ def protection(track: np.ndarray, error_m, off, P, k) -> dict[str, float]:
         return {}
     fresh = np.isfinite(P[:, 0, 0])
     off, k = off[fresh], k[fresh]
-    flat_m, up_m = np.hypot(off[:, 0], off[:, 1]), np.abs(off[:, 2])
+    flat_m, up_m = np.hypot(off[:, 0], off[:, 1]), np.abs(off[:, 2:]).sum(axis=1)
     level_h, level_v = track["protection_h_m"][k], track["protection_v_m"][k]
+    if not np.isfinite(level_h).any() and not np.isinf(level_h).any():
+        return {}
     beyond = (flat_m > level_h) | (up_m > level_v)
     out = {"misleading": float(beyond.mean())}
     out["level_h"] = float(np.median(level_h) / np.percentile(flat_m, 95))
-    out["level_v"] = float(np.median(level_v) / np.percentile(up_m, 95))
+    if off.shape[1] == 3:
+        out["level_v"] = float(np.median(level_v) / np.percentile(up_m, 95))
     if "ambiguous" in track.dtype.names:
         doubt = track["ambiguous"][k] > 0
         out["misleading"] = float((beyond & ~doubt).mean())

@@ -49,7 +49,10 @@ def decode(log: Path):
     sensor = sensors_of(station, frame)[0]
     intake = Intake(station, frame, Ledger([sensor.name], ("",)))
     batch = intake.ins(own.rows)
-    rows, _ = intake.enter(batch)
+    entered, _ = intake.enter(batch)
+    rows = np.zeros(len(entered), ROW)
+    for field in ("id", "t_ns", "sensor", "channel", "value"):
+        rows[field] = entered[field]
     arrival_ns = own.rows["arrival_ns"][batch.entries["measurement"][batch.complaints == 0]]
     order = np.argsort(rows["t_ns"], kind="stable")
     return rows[order], arrival_ns[order], sensor, own.boots[0].offset_ns, frame
@@ -73,6 +76,6 @@ def cache_file(name: str) -> Path:
 
 
 def fingerprint(*files: Path) -> str:
-    """Of files' names, sizes and times of change."""
+    """Of files' names, sizes and times of change, and of what a row is."""
     stats = [(f.name, f.stat().st_size, f.stat().st_mtime_ns) for f in files]
-    return hashlib.sha256(repr(stats).encode()).hexdigest()[:12]
+    return hashlib.sha256(repr((stats, ROW.descr)).encode()).hexdigest()[:12]
