@@ -11,6 +11,8 @@ import sys
 COMMANDS = {
     "flights": "recorded and simulated flights with simulated instruments",
     "autoferry": "real radar and lidar of a ferry",
+    "gaps": "one radar, silent for a while",
+    "air": "one radar: air traffic, and drones with gaps",
 }
 
 

@@ -1,7 +1,7 @@
 """Small filters to stand beside the estimator: extended Kalman filters on the ground instruments alone.
 
 jerk    nine states, white jerk, takes every value: told the labels, it is what a textbook filter can reach
-cv      constant velocity, 3-sigma gate per value; begins again after a gap or when most values are refused
+cv      constant velocity, 3-sigma gate per value; begins again after a gap or a run of refusals
 cv-all  constant velocity, takes every value
 
 Formulas: Bar-Shalom, Li, Kirubarajan (2001), 5.2, 6.2, 8.6 (smoother of Rauch, Tung, Striebel), 10.3.
@@ -12,13 +12,13 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from bench.trials.world import AZIMUTH, ELEVATION, RANGE, ROW, TRACK, VERDICT, Step
+from bench.trials.world import AZIMUTH, CHANNELS, ELEVATION, ISOLATED, RANGE, ROW, TRACK, VERDICT, Step
 
-SPEED_SIGMA_MPS, ACCELERATION_SIGMA_MPS2 = 30.0, 10.0
-GAP_S = 10.0  # of silence, after which it begins again, as it does
-LOST, MEMORY = 0.7, 0.05  # when so many of about the last 1/MEMORY values were refused
+ACCELERATION_SIGMA_MPS2 = 10.0
+GAP_S = 10.0  # of silence, after which it begins again
+RUN = 5  # instants in a row with a refused value: the same
 HEIGHT_SIGMA_M = 50.0  # of a first fix that has no elevation
-USED, ISOLATED = 0, 2
+TURN = np.array([2, 1, 0, *range(3, len(CHANNELS))])  # of the channels at one instant
 
 
 class Peer(NamedTuple):
@@ -27,15 +27,16 @@ class Peer(NamedTuple):
     order: int
     psd: float
     gate: float  # sigmas
+    speed_mps: float = 30.0  # 1-sigma per axis before anything is known
 
 
 PEERS = {"jerk": Peer(3, 20.0, np.inf), "cv": Peer(2, 10.0, 3.0), "cv-all": Peer(2, 10.0, np.inf)}
 
 
-def make(name: str, sensors, psd: float | None = None) -> "Ekf":
-    """One of PEERS, ``psd`` in place of its own."""
-    peer = PEERS[name]
-    return Ekf(sensors, peer if psd is None else peer._replace(psd=psd))
+def make(name: str, sensors, psd: float | None = None, **other) -> "Ekf":
+    """One of PEERS, ``psd`` and ``other`` fields in place of its own."""
+    other |= {} if psd is None else {"psd": psd}
+    return Ekf(sensors, PEERS[name]._replace(**other))
 
 
 class Ekf:
@@ -49,7 +50,9 @@ class Ekf:
         self._ground = np.array([s.kind != "ins" for s in sensors])
         n = 3 * peer.order
         self._x, self._P = np.zeros(n), np.zeros((n, n))
-        self._clock = np.zeros(4)  # started, time s of the state, share refused lately, times begun
+        self._clock = np.zeros(
+            4
+        )  # started, time s of the state, instants with a refusal in a row, times begun
         self._waiting = np.zeros(0, ROW)
         self._epochs: list[tuple] = []
         self._t0_ns: int | None = None
@@ -64,6 +67,8 @@ class Ekf:
         self._waiting = np.zeros(0, ROW)
         if not len(rows):
             return _nothing()
+        # Angles first: a long range bends more than it is wide across what an angle has not yet narrowed.
+        rows = rows[np.lexsort((TURN[rows["channel"]], rows["t_ns"]))]
         if self._t0_ns is None:
             self._t0_ns = int(rows["t_ns"][0])
         n, m = len(self._x), len(rows)
@@ -164,7 +169,7 @@ def _observe(channel, x, offset, turn, h):
 
 
 @njit(cache=True)
-def _begin(t_s, sensor, channel, value, i, offset, turn, sigma, x, P):
+def _begin(t_s, sensor, channel, value, i, offset, turn, sigma, speed, x, P):
     """Start at row ``i`` if it completes a fix with the rows of the last second; True where it does."""
     said = np.full((len(offset), 4), np.nan)
     for j in range(i, -1, -1):
@@ -178,10 +183,11 @@ def _begin(t_s, sensor, channel, value, i, offset, turn, sigma, x, P):
         el = 0.0 if np.isnan(said[k, ELEVATION]) else said[k, ELEVATION]
         local = np.array([np.cos(el) * np.sin(said[k, 1]), np.cos(el) * np.cos(said[k, 1]), np.sin(el)])
         rays[k] = turn[k].T @ local
-    wide, found = 0.0, False
+    wide, tall, found = 0.0, 0.0, False
     if not np.isnan(said[s, 0]) and not np.isnan(said[s, 1]):
         x[:3] = offset[s] + said[s, 0] * rays[s]
         wide = sigma[s, 0] + said[s, 0] * sigma[s, 1]
+        tall = sigma[s, 0] + said[s, 0] * sigma[s, 2]
         found = not (np.isnan(said[s, 2]) and not np.isnan(sigma[s, 2]))
     for k in range(len(offset)):
         if not found and k != s and not np.isnan(said[k, 1]) and not np.isnan(said[s, 1]):
@@ -193,13 +199,13 @@ def _begin(t_s, sensor, channel, value, i, offset, turn, sigma, x, P):
             if a > 0.0 and b > 0.0:
                 x[:3] = 0.5 * (offset[k] + a * rays[k] + offset[s] + b * rays[s])
                 wide, found = max(a * sigma[k, 1], b * sigma[s, 1]) / np.sqrt(1.0 - c * c), True
+                tall = wide
     if found:
         x[3:], P[:, :] = 0.0, 0.0
         for k in range(3):
             P[k, k] = (3.0 * wide) ** 2
-            P[k + 3, k + 3] = SPEED_SIGMA_MPS**2
-        if np.isnan(said[s, 2]):
-            P[2, 2] = HEIGHT_SIGMA_M**2
+            P[k + 3, k + 3] = speed**2
+        P[2, 2] = HEIGHT_SIGMA_M**2 if np.isnan(said[s, 2]) else (3.0 * tall) ** 2
         for k in range(6, len(x)):
             P[k, k] = ACCELERATION_SIGMA_MPS2**2
     return found
@@ -209,13 +215,13 @@ def _begin(t_s, sensor, channel, value, i, offset, turn, sigma, x, P):
 def _follow(t_s, sensor, channel, value, sigma, offset, turn, peer, x, P, clock, xs, Ps, verdict, fit, when):
     """Rows through the filter, in place; returns (epochs, log likelihood). ``clock``: see `Ekf`."""
     order, psd, gate = int(peer[0]), peer[1], peer[2]
-    n, epoch, likelihood = len(x), 0, 0.0
+    n, epoch, likelihood, refused = len(x), 0, 0.0, False
     h = np.zeros(n)
     for i in range(len(t_s)):
-        if clock[0] == 1.0 and (t_s[i] - clock[1] > GAP_S or clock[2] > LOST) and gate < np.inf:
+        if clock[0] == 1.0 and (t_s[i] - clock[1] > GAP_S or clock[2] >= RUN) and gate < np.inf:
             clock[0] = 0.0
         if clock[0] == 0.0:
-            if not _begin(t_s, sensor, channel, value, i, offset, turn, sigma, x, P):
+            if not _begin(t_s, sensor, channel, value, i, offset, turn, sigma, peer[3], x, P):
                 verdict[i] = ISOLATED
                 continue
             clock[0], clock[1], clock[2], clock[3] = 1.0, t_s[i], 0.0, clock[3] + 1.0
@@ -239,11 +245,12 @@ def _follow(t_s, sensor, channel, value, sigma, offset, turn, peer, x, P, clock,
             P -= np.outer(K, m)
             likelihood -= 0.5 * (v * v / S + np.log(2.0 * np.pi * S))
             fit[i, 2] = 1.0
-            clock[2] -= MEMORY * clock[2]
         else:
             verdict[i] = ISOLATED
-            clock[2] += MEMORY * (1.0 - clock[2])
+            refused = True
         if i + 1 == len(t_s) or t_s[i + 1] != t_s[i]:
+            clock[2] = clock[2] + 1.0 if refused else 0.0
+            refused = False
             xs[epoch], Ps[epoch] = x, P
             when[epoch, 0], when[epoch, 1] = t_s[i], clock[3]
             epoch += 1
