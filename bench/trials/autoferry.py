@@ -1,111 +1,68 @@
-"""Real instruments: boats seen by a ferry's radar and lidar, with satellite positions of the boats as truth.
+"""Boats seen by a ferry's real radar and lidar: errors at every plot, beside a small filter."""
 
-Association is granted: of each scan the detection nearest to one boat's true place, within NEAR_M, is that
-boat's. The ferry moves, so detections are put into the common frame, and from there into range and azimuth
-about the ferry's mean place. Nobody sees the height. An estimator that can be told a height beforehand is;
-to any other the instruments say elevation 0 with a sigma that stands for HEIGHT_SIGMA_M.
-"""
-
-import gzip
-import json
+import argparse
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
-from bench.trials import flights, scene
-from bench.trials.flights import Flight
-from bench.trials.world import AZIMUTH, ELEVATION, RANGE, ROW, Sensor, Truth
+from bench.trials import columns, ferry, flights, peers, run, score
 
-SCENARIOS, BOATS = (3, 4, 5), (1, 2)
-NEAR_M = 30.0
-HEIGHT_M, HEIGHT_SIGMA_M = 0.0, 3.0
-STEADY_S = 0.5  # half of the window for the boat's velocity
-
-
-class Eye(NamedTuple):
-    """An instrument of the ferry: its number in the files, 1-sigma of range m and azimuth rad.
-
-    The sigmas are half of the 95th percentile against the truth: a boat is not a point.
-    """
-
-    number: int
-    range_m: float
-    azimuth_rad: float
+COLUMNS = (
+    "rms", "median", "p95", "worst", "far_s", "beyond3", "nees", "rms_smooth", "worst_smooth",
+    "beyond3_smooth", "resets", "cv", "cv_worst", "cv_smooth", "cv_resets", "plots", "refused", "misleading",
+    "ambiguous", "level_h",
+)  # fmt: skip
+CV_PSD = 0.3  # m²/s³: boats
 
 
-EYES = {"radar": Eye(2, 6.0, np.radians(4.0)), "lidar": Eye(1, 3.0, np.radians(2.5))}
+def options(parser: argparse.ArgumentParser) -> None:
+    """All that can be asked."""
+    parser.description = __doc__
+    parser.add_argument("--data", type=Path, help="folder that holds autoferry/; else GCS_DATA")
+    parser.add_argument("--method", default="default")
+    parser.add_argument("--setting", nargs="*", default=[], metavar="NAME=VALUE", help="of the estimator")
+    parser.add_argument("--sensors", nargs="+", default=list(ferry.EYES), help=", ".join(ferry.EYES))
+    parser.add_argument("--estimate", nargs="*", default=[], help="bias, clock")
 
 
-def load(
-    data: Path, scenario: int, boat: int, names=tuple(EYES), flat: bool = False, estimate=()
-) -> scene.Scene:
-    """One boat through the instruments ``names``; ``flat``: without the elevation that nobody measured."""
-    said, truth = (_read(data, scenario, what) for what in ("detections", "groundTruth"))
-    flight = _boat(f"scenario{scenario}-{boat}", truth, boat)
-    centre = np.mean([scan["ownshipPosition"] for scan in said], axis=0)[::-1]
-    sensors, parts = [], []
-    for k, name in enumerate(names):
-        seen = _seen(said, EYES[name].number, flight, centre)
-        far_m = float(np.median(seen[:, 1]))
-        sensors.append(_sensor(name, centre, HEIGHT_SIGMA_M / far_m, flat, estimate))
-        parts.append(_rows(k, seen, flat))
-    rows = np.concatenate(parts)
-    rows = rows[np.argsort(rows["t_ns"], kind="stable")]
-    rows["id"], n = np.arange(len(rows)), len(rows)
-    return scene.Scene(flight, sensors, rows, np.zeros(n, np.int8), np.zeros(n), rows["t_ns"].copy())
+def main(asked: argparse.Namespace) -> None:
+    data = flights.folder(asked.data)
+    if data is None:
+        raise SystemExit("name the folder with --data or GCS_DATA")
+    settings = {name: float(x) for name, x in (s.split("=") for s in asked.setting)}
+    told = run.known_height(ferry.HEIGHT_M, ferry.HEIGHT_SIGMA_M)
+    results = {}
+    for scenario in ferry.SCENARIOS:
+        for boat in ferry.BOATS:
+            figures = one(asked, data, scenario, boat, settings, told)
+            results[f"scenario{scenario}-boat{boat}"] = [figures]
+    how = "height told beforehand" if told else "elevation 0 with a wide sigma in place of a height"
+    print(
+        f"{asked.method}, {' '.join(asked.sensors)}, {how}; horizontal errors at the plots; cv: small filter"
+    )
+    print(columns.table(results, COLUMNS))
 
 
-def _read(data: Path, scenario: int, what: str) -> list:
-    file = data / "autoferry" / f"scenario{scenario}_{what}.json.gz"
-    if not file.is_file():
-        raise FileNotFoundError(f"{file}: no such file; is --data the folder with the flights?")
-    return json.loads(gzip.decompress(file.read_bytes()))
+def one(asked, data: Path, scenario: int, boat: int, settings: dict, told: dict | None) -> dict:
+    """Figures of one boat."""
+    about = data, scenario, boat, tuple(asked.sensors)
+    seen = ferry.load(*about, flat=told is not None, estimate=asked.estimate)
+    ours = run.tried(seen, lambda s: run.make_estimator(asked.method, s, **(told or {}), **settings))
+    figures = judged(seen, ours) | {"plots": float(len(np.unique(seen.rows["t_ns"])))}
+    refused = np.isin(ours.verdicts["verdict"], (2, 3))
+    figures["refused"] = float(refused.mean()) if len(refused) else np.nan
+    tall = ferry.load(*about)
+    cv = run.tried(tall, lambda s: peers.make("cv", s, CV_PSD))
+    theirs = judged(tall, cv)
+    return figures | {f"cv{name}": theirs[x] for name, x in PEER.items()}
 
 
-def _boat(name: str, truth: list, boat: int) -> Flight:
-    """A boat's true way; files give north, east, down."""
-    places = {fix["time"]: fix["position"] for both in truth for fix in both if fix["targetID"] == boat}
-    t_s = np.array(sorted(places))
-    north, east = np.array([places[t][:2] for t in t_s]).T
-    t0_ns, p = round(t_s[0] * 1e9), np.column_stack([east, north, np.full(len(t_s), HEIGHT_M)])
-    since_s = t_s - t_s[0]
-    v = flights.slope(since_s, p, STEADY_S)
-    none = np.zeros(0, ROW)
-    truth = Truth(since_s, p, v, flights.slope(since_s, v, STEADY_S))
-    return Flight(name, t0_ns, truth, None, none, none["t_ns"], none["value"])
+PEER = {"": "rms", "_worst": "worst", "_smooth": "rms_smooth", "_resets": "resets"}
 
 
-def _seen(said: list, number: int, flight: Flight, centre: np.ndarray) -> np.ndarray:
-    """(k, 3) UTC s, range m, azimuth rad about ``centre`` (2,) east north of one boat's detections."""
-    out = []
-    end_s = flight.truth.t_s[-1]
-    for scan in said:
-        since_s = scan["time"] - flight.t0_ns * 1e-9
-        if scan["sensorID"] != number or not len(scan["measurement"]) or not 0.0 <= since_s <= end_s:
-            continue
-        north, east = np.array(scan["measurement"], float) + np.array(scan["ownshipPosition"])[:, None]
-        there = flights.state_at(flight.truth, np.array([since_s]))[0][0, :2]
-        off_m = np.hypot(east - there[0], north - there[1])
-        k = np.argmin(off_m)
-        if off_m[k] <= NEAR_M:
-            e, n = east[k] - centre[0], north[k] - centre[1]
-            out.append((scan["time"], np.hypot(e, n), np.arctan2(e, n) % (2 * np.pi)))
-    return np.array(out).reshape(-1, 3)
-
-
-def _sensor(name: str, centre: np.ndarray, elevation_rad: float, flat: bool, estimate) -> Sensor:
-    sigma = np.full(13, np.nan)
-    sigma[RANGE], sigma[AZIMUTH] = EYES[name].range_m, EYES[name].azimuth_rad
-    if not flat:
-        sigma[ELEVATION] = elevation_rad
-    return Sensor(name, "radar", sigma, np.array([*centre, HEIGHT_M]), estimate=tuple(estimate))
-
-
-def _rows(sensor: int, seen: np.ndarray, flat: bool) -> np.ndarray:
-    """ROW of (k, 3) detections, with elevation 0 unless ``flat``."""
-    values = np.column_stack([seen[:, 1:], np.zeros(len(seen))])[:, : 2 if flat else 3]
-    rows = np.zeros(values.shape, ROW)
-    rows["t_ns"] = np.round(seen[:, :1] * 1e9).astype(np.int64)
-    rows["sensor"], rows["channel"], rows["value"] = sensor, np.arange(values.shape[1]), values
-    return rows.ravel()
+def judged(seen, ours: run.Run) -> dict:
+    """Figures at the plots, from some seconds after the first state on."""
+    t_ns = np.unique(seen.rows["t_ns"])
+    if len(ours.track):
+        t_ns = t_ns[t_ns >= ours.track["t_ns"][0] + round(score.SETTLE_S * 1e9)]
+    return score.figures(seen, ours, t_ns=t_ns, axes=2)

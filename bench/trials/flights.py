@@ -26,6 +26,7 @@ LEVELS = ("hover", "gentle", "normal", "aggressive")
 VERSION = 4  # of the cache
 SPAN_S = 240.0
 SIMULATED_RATE_HZ = 100.0
+INS_DELAY_NS = 30_000_000  # from a simulated INS's stamp to its receipt
 ALOFT_M, MOVING_MPS = 3.0, 2.0  # from where on it flies
 SMOOTH_S = 0.1  # half of the window that takes the step noise out of the truth's acceleration
 
@@ -170,11 +171,15 @@ def slope(t_s: np.ndarray, v: np.ndarray, within_s: float = SMOOTH_S) -> np.ndar
     return np.einsum("ij,ijk->ik", off_s, v[at_row]) / np.sum(off_s**2, axis=1, keepdims=True)
 
 
-def simulated(level: str, seed: int, seconds: float = SPAN_S, latency_s: float = 0.12) -> Flight:
-    """A flight of ``scenario.LEVELS``; its INS from ``simulate.ins``, with the station's sigmas or more."""
+def simulated(level: str, seed: int, seconds: float = SPAN_S) -> Flight:
+    """A flight of ``scenario.LEVELS``; its INS from ``simulate.ins``, with the station's sigmas."""
     rng = np.random.default_rng([seed, LEVELS.index(level)])
     truth = scenario.flight(seconds, SIMULATED_RATE_HZ, level, rng)
-    said = simulate.ins(truth, rng, simulate.AUTOPILOT._replace(latency_s=latency_s))
-    rows, _ = simulate.rows([said])
+    return with_ins(level, truth, rng)
+
+
+def with_ins(name: str, truth: Truth, rng: np.random.Generator) -> Flight:
+    """A truth with a simulated INS."""
+    rows, _ = simulate.rows([simulate.ins(truth, rng)])
     clean = true_values(truth, (rows["t_ns"] - simulate.T0_NS) * 1e-9, rows["channel"])
-    return Flight(level, simulate.T0_NS, truth, world.default_ins(), rows, rows["t_ns"] + 30_000_000, clean)
+    return Flight(name, simulate.T0_NS, truth, world.default_ins(), rows, rows["t_ns"] + INS_DELAY_NS, clean)

@@ -1,5 +1,6 @@
 """Rows through an estimator as they would come, a quarter of a second at a time."""
 
+import contextlib
 import time
 from collections.abc import Callable
 from typing import NamedTuple
@@ -42,7 +43,8 @@ def known_height(mean_m: float, sigma_m: float) -> dict[str, float] | None:
 
 def follow(one, rows: np.ndarray, clock_ns: np.ndarray, batch_s: float = BATCH_S) -> Run:
     """Run ``rows`` (n,) ROW through a fresh estimator in the order of ``clock_ns``, in batches."""
-    one.warm_up()
+    with contextlib.suppress(AttributeError):  # some estimators cannot warm up on lines of sight alone
+        one.warm_up()
     order = np.argsort(clock_ns, kind="stable")
     rows, clock_ns = rows[order], clock_ns[order]
     ends = np.flatnonzero(np.diff(clock_ns // round(batch_s * 1e9))) + 1

@@ -117,11 +117,11 @@ def watch(
 ) -> Scene:
     """The flight through the eyes of ``names``; the same whenever ``seed`` is the same."""
     sensors = [instrument(flight, name, estimate) for name in names]
-    seen = {k: _say(flight, s, seed, wrong) for k, s in enumerate(sensors) if s.kind != "ins"}
+    seen = {k: say(flight, s, seed, wrong) for k, s in enumerate(sensors) if s.kind != "ins"}
     return assemble(flight, sensors, seen, seed)
 
 
-def _say(flight: Flight, sensor: Sensor, seed: int, wrong: Wrong) -> simulate.Observation:
+def say(flight: Flight, sensor: Sensor, seed: int, wrong: Wrong) -> simulate.Observation:
     """What one instrument says, outliers and all."""
     rng = stream(seed, sensor.name)
     errors = simulate.Errors(jitter_s=wrong.jitter_s, gap_share=wrong.gap_share)
