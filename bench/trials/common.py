@@ -91,7 +91,7 @@ def lies(said: simulate.Observation, since_ns: int, values: np.ndarray) -> simul
     rows = said.t_ns >= since_ns
     mixed = np.where(rows[:, None], values, said.values)
     labels = said.labels.copy()
-    labels[rows] = np.where(np.isfinite(mixed[rows]), simulate.PATCH, simulate.NONE)
+    labels[np.isfinite(mixed) & (mixed != said.values)] = simulate.PATCH
     return said._replace(values=simulate.wrapped(mixed, said.channels), labels=labels)
 
 
