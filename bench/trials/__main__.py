@@ -16,6 +16,7 @@ COMMANDS = {  # name → file and what it is about
     "starts": ("starts", "many starts, by every subset of instruments"),
     "ramps": ("ramps", "trackers sliding off, slowly and fast"),
     "liar": ("liar", "one instrument that lies from some time on"),
+    "world": ("rough", "simulated flights in a rough world: gusts, an autopilot's own errors, faults"),
     "errors": ("errors", "systematic errors to recover"),
 }
 

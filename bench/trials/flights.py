@@ -41,6 +41,7 @@ class Flight(NamedTuple):
     ins_rows: np.ndarray  # (n,) ROW in order of valid time, sensor 0
     arrival_ns: np.ndarray  # (n,) when each was received, the flight's clock
     ins_clean: np.ndarray  # (n,) true value at the stamp, the latency not counted
+    ins_labels: np.ndarray | None = None  # (n,) index into simulate.LABELS; None: not known
 
 
 def names() -> tuple[str, ...]:
@@ -94,6 +95,7 @@ def cut(flight: Flight, begin_s: float, seconds: float) -> Flight:
     kept = (since_s >= begin_s) & (since_s < begin_s + seconds)
     return flight._replace(
         truth=Truth(*(column[inside] for column in truth)),
+        ins_labels=None if flight.ins_labels is None else flight.ins_labels[kept],
         ins_rows=flight.ins_rows[kept], arrival_ns=flight.arrival_ns[kept], ins_clean=flight.ins_clean[kept],
     )  # fmt: skip
 
@@ -180,6 +182,12 @@ def simulated(level: str, seed: int, seconds: float = SPAN_S) -> Flight:
 
 def with_ins(name: str, truth: Truth, rng: np.random.Generator) -> Flight:
     """A truth with a simulated INS."""
-    rows, _ = simulate.rows([simulate.ins(truth, rng)])
+    return told_by(name, truth, simulate.ins(truth, rng))[0]
+
+
+def told_by(name: str, truth: Truth, said: simulate.Observation) -> tuple[Flight, np.ndarray]:
+    """A truth with what an INS says of it, and the labels (n,) of its rows."""
+    rows, labels = simulate.rows([said])
     clean = true_values(truth, (rows["t_ns"] - simulate.T0_NS) * 1e-9, rows["channel"])
-    return Flight(name, simulate.T0_NS, truth, world.default_ins(), rows, rows["t_ns"] + INS_DELAY_NS, clean)
+    arrival_ns = rows["t_ns"] + INS_DELAY_NS
+    return Flight(name, simulate.T0_NS, truth, world.default_ins(), rows, arrival_ns, clean), labels

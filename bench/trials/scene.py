@@ -143,7 +143,8 @@ def assemble(flight: Flight, sensors, seen: dict[int, simulate.Observation], see
     for k, sensor in enumerate(sensors):
         if sensor.kind == "ins":
             rows = flight.ins_rows.copy()
-            labels, clean, arrival_ns = np.zeros(len(rows), np.int8), flight.ins_clean, flight.arrival_ns
+            labels, clean, arrival_ns = flight.ins_labels, flight.ins_clean, flight.arrival_ns
+            labels = np.zeros(len(rows), np.int8) if labels is None else labels
         else:
             rows, labels, clean = spread(seen[k])
             late_s = DELAY_S + rng.exponential(DELAY_JITTER_S, len(rows))

@@ -108,24 +108,24 @@ def honesty(judged, t_ns: np.ndarray) -> dict[str, float]:
 
 
 def protection(track: np.ndarray, error_m, off, P, k) -> dict[str, float]:
-    """Where the track has protection levels: how often the error is beyond them though it says it knows."""
-    if "protection_h_m" not in track.dtype.names:
-        return {}
+    """Where the track tells them: doubt, and protection levels and how often the error is beyond them.
+
+    ``misleading``: beyond a level and not called ambiguous. A level that is infinite protects from all.
+    """
     fresh = np.isfinite(P[:, 0, 0])
-    off, k = off[fresh], k[fresh]
+    off, k, out = off[fresh], k[fresh], {}
+    doubt = np.zeros(len(k), bool)
+    if "ambiguous" in track.dtype.names:
+        doubt = track["ambiguous"][k] > 0
+        out["ambiguous"] = float(doubt.mean())
+    if "protection_h_m" not in track.dtype.names or np.isnan(track["protection_h_m"][k]).all():
+        return out
     flat_m, up_m = np.hypot(off[:, 0], off[:, 1]), np.abs(off[:, 2:]).sum(axis=1)
     level_h, level_v = track["protection_h_m"][k], track["protection_v_m"][k]
-    if not np.isfinite(level_h).any() and not np.isinf(level_h).any():
-        return {}
-    beyond = (flat_m > level_h) | (up_m > level_v)
-    out = {"misleading": float(beyond.mean())}
+    out["misleading"] = float((((flat_m > level_h) | (up_m > level_v)) & ~doubt).mean())
     out["level_h"] = float(np.median(level_h) / np.percentile(flat_m, 95))
     if off.shape[1] == 3:
         out["level_v"] = float(np.median(level_v) / np.percentile(up_m, 95))
-    if "ambiguous" in track.dtype.names:
-        doubt = track["ambiguous"][k] > 0
-        out["misleading"] = float((beyond & ~doubt).mean())
-        out["ambiguous"] = float(doubt.mean())
     return out
 
 
@@ -135,7 +135,7 @@ def caught(scene: Scene, run: Run) -> dict[str, float]:
     refused[run.verdicts["id"]] = np.isin(run.verdicts["verdict"], (ISOLATED, PATCH))
     ours = np.array([s.kind == "ins" for s in scene.sensors])[scene.rows["sensor"]]
     good = (scene.labels == simulate.NONE) & ~ours
-    clear = (scene.labels != simulate.NONE) & (scene.off_sigma >= CLEAR_SIGMA)
+    clear = (scene.labels != simulate.NONE) & ~ours & (scene.off_sigma >= CLEAR_SIGMA)
     out = {"false": 1e4 * float(refused[good].mean())} if good.any() else {}
     if clear.any():
         out["found"] = float(refused[clear].mean())

@@ -24,11 +24,12 @@ from filters.rows import (
     U,
 )
 from filters.scenario import Truth
+from filters.simulation import autopilot, faults, gusts
 
 __all__ = [
-    "AZIMUTH", "CHANNELS", "ELEVATION", "ISOLATED", "PATCH", "RANGE", "RANGE_RATE", "ROW", "TRACK", "VERDICT",
-    "E", "N", "Sensor", "Step", "Truth", "U", "baselines", "cache_file", "decode", "default_ins", "estimator",
-    "fingerprint", "scenario", "simulate",
+    "AZIMUTH", "CHANNELS", "ELEVATION", "ISOLATED", "PATCH", "RANGE", "RANGE_RATE", "ROW", "TRACK",
+    "VERDICT", "E", "N", "Sensor", "Step", "Truth", "U", "autopilot", "baselines", "cache_file", "decode",
+    "default_ins", "estimator", "faults", "fingerprint", "gusts", "scenario", "simulate",
 ]  # fmt: skip
 
 HOME = (-35.363261, 149.165230, 584.0)  # of the recorded flights: latitude, longitude deg, ellipsoidal m
