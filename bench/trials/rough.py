@@ -21,7 +21,7 @@ SIZES = {  # fault → its fields when it is large, 1-sigma of a normal draw whe
     "eccentricity": {"eccentricity": 0.02 * DEG},
     "encoder": {"encoder_step": 0.1 * DEG},
     "lag": {"lag_s": 0.01},
-    "echo": {"echo": 1.0, "beam": 4.0 * DEG},
+    "echo": {"echo": 1.0, "beam": 10.0 * DEG},
     "loss": {"loss_rate_hz": 0.05, "loses_radps": 0.25},
     "stamps": {"delay_s": 0.05},
     "clock": {"clock_s": 0.05, "drift": 2e-5, "jitter_s": 0.002},
