@@ -4,20 +4,18 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from filters.baselines import m1
 from filters.correction import correction as corrections
 from filters.models.rows import Sensor
-from filters.window import decide, outlier
-from filters.window.estimator import Estimator, Settings
+from filters.smoother import gated
+from filters.smoother.estimator import FixedLagSmoother, Settings
 
 METHODS = {
-    "default": {},
-    "ukf": {"hard": np.inf, "soft": np.inf, "horizon_s": 0.0},
-    "gate": {"hard": 4.0, "soft": 4.0, "horizon_s": 0.0},
-    "igg": {"hard": 8.5, "soft": 1.5, "horizon_s": 0.0},
-    "ga-bp-ukf": {"hard": m1.NOTHING, "soft": m1.C, "horizon_s": 0.0},
+    "default": gated.BY_STATUS,
+    "ukf": gated.Rule(gated.IGG, np.inf, np.inf),  # takes every value
+    "gate": gated.Rule(gated.IGG, 4.0, 4.0),
+    "igg": gated.Rule(gated.IGG, 1.5, 8.5),
+    "ga-bp-ukf": gated.Rule(gated.M1, 4.0, 8.0),  # C; at 3, a curved first prediction loses its target
 }
-HANDLING = {"ga-bp-ukf": (m1.admit, m1.label)}  # how fresh rows are decided and named; else the default
 
 
 def make(
@@ -25,9 +23,8 @@ def make(
     sensors: Sequence[Sensor],
     settings: Settings | None = None,
     correction: Callable = corrections.off,
-) -> Estimator:
-    """An estimator by name, which overrides some ``settings``. Raises ValueError for an unknown one."""
+) -> FixedLagSmoother:
+    """An estimator by name. Raises ValueError for an unknown one."""
     if method not in METHODS:
         raise ValueError(f"unknown method {method!r}; choose one of {', '.join(METHODS)}")
-    handling = HANDLING.get(method, (decide.admit, outlier.label))
-    return Estimator(sensors, (settings or Settings())._replace(**METHODS[method]), handling, correction)
+    return FixedLagSmoother(sensors, settings or Settings(), METHODS[method], correction)

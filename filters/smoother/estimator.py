@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from filters import correction as corrections
+from filters.correction import correction as corrections
 from filters.models import ins, motion
 from filters.models import state as models
 from filters.models.motion import CORE
@@ -40,7 +40,6 @@ class Settings(NamedTuple):
     shortest_lag_s: float = 1.0
     longest_lag_s: float = 30.0
     lateness_s: float = 1.0  # a row may come so much later than the newest one
-    method: str = "default"
 
 
 CELL_NS = 250_000_000  # data time between two re-decisions at the shortest lag
@@ -50,16 +49,6 @@ SURPRISE_NS = 50_000_000  # re-decisions for a surprise are at least so far apar
 SPEED_LOST_MPS = start.SPEED_SIGMA_MPS  # a prediction that knows less than a start does is a start
 LONG_AGO_NS, NEVER_NS = np.iinfo(np.int64).min // 2, np.iinfo(np.int64).max
 MARK_NS = 1_000_000_000
-RULES = {
-    "default": gated.Rule(gated.STATUS, 0.0, 0.0),
-    "ukf": gated.Rule(gated.IGG, np.inf, np.inf),
-    "gate": gated.Rule(gated.IGG, 4.0, 4.0),
-    "igg": gated.Rule(gated.IGG, 1.5, 8.5),
-    "ga-bp-ukf": gated.Rule(gated.M1, 4.0, 8.0),
-}
-METHODS = tuple(RULES)
-
-
 class Snapshot(NamedTuple):
     """All that is needed to go on from the beginning of a cell."""
 
@@ -76,18 +65,6 @@ class Snapshot(NamedTuple):
     left: np.ndarray  # (k,) TRACK smoothed, epochs decided when the cell before ended
 
 
-def make(
-    method: str,
-    sensors: Sequence[Sensor],
-    settings: Settings | None = None,
-    correction: Callable = corrections.off,
-) -> "FixedLagSmoother":
-    """An estimator by name. Raises ValueError for an unknown one."""
-    if method not in RULES:
-        raise ValueError(f"unknown method {method!r}; choose one of {', '.join(RULES)}")
-    return FixedLagSmoother(sensors, (settings or Settings())._replace(method=method), correction)
-
-
 class FixedLagSmoother:
     """See the module's text. ``sensors`` in the order of ROW's ``sensor``.
 
@@ -95,12 +72,18 @@ class FixedLagSmoother:
     `corrections.off`.
     """
 
-    def __init__(self, sensors: Sequence[Sensor], settings: Settings, correction: Callable = corrections.off):
+    def __init__(
+        self,
+        sensors: Sequence[Sensor],
+        settings: Settings,
+        rule: gated.Rule = gated.BY_STATUS,
+        correction: Callable = corrections.off,
+    ):
         self.sensors, self.settings, self._correction = tuple(sensors), settings, correction
         self.model = models.build(sensors, settings.ins_bias_sigma_m, settings.ins_bias_tau_s)
         psd = np.repeat([settings.jerk_psd, settings.gust_psd], 2)
         self._space = Workspace(self.model, psd)
-        self._rule, self._robust = RULES[settings.method], settings.method == "default"
+        self._rule, self._robust = rule, rule.kind == gated.STATUS
         prior = Prior(settings.height_m, settings.height_sigma_m)
         others = range(len(sensors)) if self._robust and len(sensors) > 1 else ()
         self._banks = [Bank(self._space, prior, excluded) for excluded in (-1, *others)]
@@ -123,7 +106,7 @@ class FixedLagSmoother:
 
     def warm_up(self) -> None:
         """Compile everything, or fetch it from the cache, before the first measurement."""
-        twin = FixedLagSmoother(self.sensors, self.settings, self._correction)
+        twin = FixedLagSmoother(self.sensors, self.settings, self._rule, self._correction)
         said = [(s, c) for s, sensor in enumerate(self.sensors) for c in np.flatnonzero(sensor.sigma > 0)]
         rows = np.zeros(6 * len(said), ROW)
         for k in range(len(rows)):

@@ -8,7 +8,8 @@ from numba import njit
 from filters.models.motion import CORE, predict
 from filters.models.rows import AE, RANGE_RATE
 from filters.models.state import predict_row
-from filters.smoother.passes import update
+from filters.models.update import update
+from filters.models.update import weight as igg
 from filters.smoother.status import NEGLIGIBLE, PATCH_ROWS, expected, filtered, log_good, log_gross
 
 GATE = 3.5  # sigmas from which the order of simultaneous rows matters
@@ -25,6 +26,7 @@ class Rule(NamedTuple):
 
 
 STATUS, IGG, M1 = range(3)
+BY_STATUS = Rule(STATUS, 0.0, 0.0)
 
 
 class Told(NamedTuple):
@@ -114,16 +116,3 @@ def weigh(rule, memory, v, sigma, noise):
     if rule.kind == M1 and memory[3] >= PATCH_ROWS:
         w = 0.0
     return w, likelihood
-
-
-@njit(cache=True)
-def igg(u, soft, hard):
-    """IGG-III weight, 0 … 1, of a value ``u`` sigmas off (Yang 1994, *Robust estimation for dependent
-    observations*): full weight up to ``soft``, then (soft/u) ((hard − u)/(hard − soft))², 0 from ``hard`` on.
-    """
-    u = abs(u)
-    if u <= soft:
-        return 1.0
-    if u >= hard:
-        return 0.0
-    return (soft / u) * ((hard - u) / (hard - soft)) ** 2

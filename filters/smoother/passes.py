@@ -11,9 +11,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from filters.models.kernel import exact, kernel
+from filters.models.kernel import kernel
 from filters.models.motion import CORE, predict, pull_back, score
 from filters.models.state import SLOTS, predict_row
+from filters.models.update import update
 
 
 class Trace(NamedTuple):
@@ -54,18 +55,6 @@ def trace(rows: int, n: int, keep: int) -> Trace:
 def scores(sensors: int, channels: int) -> Scores:
     """All zero."""
     return Scores(np.zeros((2, 4)), np.zeros((2, sensors, channels)))
-
-
-@exact
-def update(x, P, m, v, S):
-    """Condition ``x`` and ``P`` on one innovation, in place: ``m`` = P h, ``S`` its variance with noise."""
-    n = x.size
-    scale = 1.0 / np.sqrt(S)
-    for i in range(n):
-        x[i] += m[i] * (v / S)
-        s = m[i] * scale
-        for j in range(n):
-            P[i, j] -= s * (m[j] * scale)
 
 
 @kernel

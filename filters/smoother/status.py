@@ -25,6 +25,7 @@ from filters.models.rows import CHANNELS, DEWEIGHTED, ISOLATED, PATCH, USED
 
 P_OUTLIER = 0.005  # of an outlier after a good row, in a channel that behaves
 P_WORST = 0.2  # … and in the worst one: beyond that nobody can tell
+P_EXPECTED = 0.03  # … of which a good hypothesis makes no fuss
 RUN_SHARE = 0.2  # of the outliers begin a run
 RUN_ROWS = 10.0  # mean length of a run
 GROSS_COST, RUN_COST = 4.0, 2.0  # log likelihood by which an outlier of usual size is below a good row
@@ -127,6 +128,7 @@ def expected(s, p):
     ``p`` is the probability of an outlier after a good row. A gross error costs its odds and the width of
     their density, each further row of a run about RUN_COST.
     """
+    p = min(p, P_EXPECTED)  # a channel much worse than that is worth another look each time
     gross = GROSS_COST - math.log(p)
     run = RUN_SHARE * RUN_ROWS * RUN_COST
     return -math.log(s) - 0.9189385332046727 - 0.5 - p * (gross + run), 0.5 + p * gross * gross
