@@ -92,6 +92,8 @@ def one(asked, case) -> tuple:
     subset, share, place, name, seed = case
     names, limit_m, axes = SUBSETS[subset]
     seen = common.watched(moment(asked, place, name, seed), names, seed, share)
+    if names == ("ins",):
+        seen = scene.soiled(seen, share, scene.stream(seed, "soiled"))
     told = {}
     if axes == 2:
         height_m = float(seen.flight.truth.p[:, 2].mean()) + scene.stream(seed, "height").normal(

@@ -6,5 +6,7 @@ Numbers divided by zero give inf, as in numpy.
 
 from numba import njit
 
-kernel = njit(cache=True, fastmath=True, error_model="numpy", _nrt=False)
+# Sums may be reordered, but NaN and inf keep their meaning: "not known" is NaN.
+REORDER = {"reassoc", "contract", "arcp", "nsz", "afn"}
+kernel = njit(cache=True, fastmath=REORDER, error_model="numpy", _nrt=False)
 exact = njit(cache=True, error_model="numpy", _nrt=False)  # where reordering would cost P its exact symmetry

@@ -5,7 +5,7 @@ The smoother gives the slope and the expected information of the log likelihood 
 one more observation (scoring: Fahrmeir & Tutz 2001, *Multivariate Statistical Modelling*, 8.3). Both go up
 and down, and back to their prior where the data cannot see them.
 
-motion  the window alone decides, under a log-normal prior around the setting: a manoeuvre begins at once.
+motion  the window decides, under a log-normal prior around what was usual lately: a manoeuvre begins at once.
 noise   all decided rows of a channel decide, older ones the less; the prior is what the sensor states.
 """
 
@@ -16,6 +16,9 @@ from filters.models.rows import AE, CHANNELS, VE
 from filters.smoother.passes import Scores
 
 MOTION_SIGMA = 1.5  # of the prior of log density: 95 % within a factor of twenty
+MOTION_MEMORY_S = 10.0  # a flight that manoeuvres will do so again
+LEAN = 0.3  # weight of the setting in the middle of the prior
+WILDER = 30.0  # factor of the densities in a manoeuvre
 MOTION_STEP = 1.2  # largest change of log density in one pass
 NOISE_SIGMA = 0.5  # of the prior of log variance: stated sigmas are right within a factor of 1.6
 INS_NOISE_SIGMA = 3.0  # velocities and accelerations of an INS: vibration, which nobody states
@@ -24,12 +27,36 @@ LOWEST, HIGHEST = np.log(0.25), np.log(1e3)  # of the variance over the stated o
 
 
 def densities(now: np.ndarray, prior: np.ndarray, scores: Scores) -> np.ndarray:
-    """(4,) after one step from ``now`` (4,); ``prior`` (4,) is the middle of their prior."""
-    slope, information = scores.motion
+    """(4,) after one step from ``now`` (4,); ``prior`` (4,) is the middle of their prior. Zero stays zero."""
+    moves = prior > 0.0
+    slope, information = scores.motion[:, moves]
     weight = 1.0 / MOTION_SIGMA**2
-    step = (slope + weight * np.log(prior / now)) / (information + weight)
+    step = (slope + weight * np.log(prior[moves] / now[moves])) / (information + weight)
     step = np.clip(0.5 * step, -MOTION_STEP, MOTION_STEP)  # half of it: densities pull at the same data
-    return np.clip(now * np.exp(step), motion.LOWEST, motion.HIGHEST)
+    out = now.copy()
+    out[moves] = np.clip(now[moves] * np.exp(step), motion.LOWEST[moves], motion.HIGHEST[moves])
+    return out
+
+
+def wilder(now: np.ndarray, prior: np.ndarray) -> np.ndarray:
+    """(4,) of a manoeuvre that begins."""
+    wild = np.clip(WILDER * np.maximum(now, prior), motion.LOWEST, motion.HIGHEST)
+    return np.where(prior > 0.0, wild, 0.0)
+
+
+def log_prior(psd: np.ndarray, usual: np.ndarray) -> float:
+    """Log density of ``psd`` (4,) under its prior, up to a constant."""
+    moves = usual > 0.0
+    return -0.5 * float(((np.log(psd[moves] / usual[moves]) / MOTION_SIGMA) ** 2).sum())
+
+
+def usual(now: np.ndarray, psd: np.ndarray, setting: np.ndarray, seconds: float) -> np.ndarray:
+    """(4,) the middle ``now`` of the prior, ``seconds`` on: it follows ``psd``, and leans to the ``setting``."""
+    step = 1.0 - np.exp(-seconds / MOTION_MEMORY_S)
+    out, moves = now.copy(), now > 0.0
+    target = (1.0 - LEAN) * np.log(psd[moves]) + LEAN * np.log(setting[moves])
+    out[moves] = np.exp((1.0 - step) * np.log(now[moves]) + step * target)
+    return out
 
 
 def noise_prior(is_ins: np.ndarray) -> np.ndarray:

@@ -5,7 +5,7 @@ predictive check: Gelman et al. 2013, *Bayesian Data Analysis*, 6.3). Whatever w
 the same; the log evidence with prior odds decides:
 
     again       the same anchor, all rows open again, annealed
-    manoeuvre   an abrupt motion since the first row that was refused
+    manoeuvre   the same, with a much wilder motion from where the misfits begin
     start       nothing known before: each sensor's own fix, then all rows, annealed
 
 The first start, a gap, a jump, a capture by a bad sensor are all the last of these.
@@ -17,13 +17,15 @@ import numpy as np
 
 from filters.models.motion import CORE
 from filters.models.state import prior_covariance
-from filters.smoother import start, status
+from filters.smoother import adaptation, start, status
 from filters.smoother.buffer import Rows, outcome
-from filters.smoother.hypothesis import MANOEUVRE, Hypothesis, Moment, Workspace
+from filters.smoother.hypothesis import Hypothesis, Moment, Workspace
 
 SHORTFALL = 4.0  # standard deviations of the log evidence below which the model is thought to be wrong
+LOST = 12.0  # … for a method that decides at first sight and takes outliers in its stride
 ODDS_AGAIN = np.log(1e-2)  # prior odds, in any one window: the incumbent has explained all windows before
 ODDS_MANOEUVRE, ODDS_START = np.log(1e-3), np.log(1e-4)
+MISFIT = 5.0  # rows that one misfit outweighs in the search for where a manoeuvre began
 TEMPER = 0.3  # power of the odds: rows of a channel are less independent than the model says
 CLOSE = np.log(1e3)  # log odds within which two hypotheses are ambiguous
 APART = 3.0  # sigmas between their positions beyond which it matters
@@ -63,10 +65,9 @@ class Bank:
         before = best.log_evidence
         everything = (rows.sensor != self.excluded).astype(float)
         again = self._again(rows, everything, annealed=True)
-        trials = [(ODDS_AGAIN, again), (ODDS_MANOEUVRE, None)]
-        starts = []
-        if min(best.shortfall, again.shortfall) > SHORTFALL:  # no other decision about the rows explains it
-            trials[1] = ODDS_MANOEUVRE, self._manoeuvre(rows)
+        wilder = self._manoeuvre(rows)
+        trials, starts = [(ODDS_AGAIN, again), (ODDS_MANOEUVRE, wilder)], []
+        if min(best.shortfall, again.shortfall, wilder.shortfall) > SHORTFALL:  # nothing so far explains it
             starts = self._starts(rows)
         if starts:
             likeliest = max(starts, key=lambda trial: trial.log_evidence)
@@ -89,6 +90,18 @@ class Bank:
             refused = (best.own.weight < status.DOUBT).mean()
             self.reason = f"{refused:.0%} of the window's rows refused: begun again from the sensors"
         return winner.settle(rows, keep), started
+
+    def watch(self, rows: Rows, keep: int):
+        """For methods that have no window: start anew where they have lost the target; as `redecide`."""
+        found = self.best.look(rows, keep)
+        if self.best.shortfall < LOST:
+            return found, False
+        starts = self._starts(rows)
+        likeliest = max(starts, key=lambda trial: trial.log_evidence, default=self.best)
+        if likeliest.log_evidence + ODDS_START < self.best.log_evidence or likeliest.shortfall > SHORTFALL:
+            return found, False
+        self.best, self.reason = likeliest, "lost the target: begun again from the sensors"
+        return likeliest.look(rows, keep), True
 
     def begin(self, rows: Rows) -> bool:
         """Try to find a first state in a window of ``rows``; whether there is one now."""
@@ -122,17 +135,23 @@ class Bank:
         trial.settle(rows, 0, annealed=annealed)
         return trial
 
-    def _manoeuvre(self, rows: Rows) -> Hypothesis | None:
-        """From the first row refused within the newest run of refusals of at least two sensors."""
-        refused = (self.best.own.weight < status.DOUBT) & (rows.sensor != self.excluded)
-        at = np.flatnonzero(refused)
-        if len(np.unique(rows.sensor[at])) < 2:
-            return None
+    def _manoeuvre(self, rows: Rows) -> Hypothesis:
+        """The same anchor; from where the misfits begin, all rows open again and a much wilder motion."""
         trial = self.best.copy()
-        trial.own.weight[at[0] :] = rows.sensor[at[0] :] != self.excluded
-        trial.own.regime[at[0] :] = MANOEUVRE
+        own, begin = trial.own, self._onset(rows)
+        own.weight[begin:] = rows.sensor[begin:] != self.excluded
+        own.regime[:begin], own.regime[begin:] = 1, 0
+        trial.psd_before = trial.psd
+        trial.psd = adaptation.wilder(trial.psd, self.space.prior_psd)
+        trial.settle(rows, 0, annealed=True)
         trial.settle(rows, 0)
         return trial
+
+    def _onset(self, rows: Rows) -> int:
+        """The row from which on there are more misfits than before: a cumulative sum from the end (Page 1954)."""
+        own = self.best.own
+        misfit = np.where(own.weight < status.DOUBT, MISFIT, 0.0) * (rows.sensor != self.excluded)
+        return int(len(misfit) - 1 - np.argmax(np.cumsum((misfit - 1.0)[::-1])))
 
     def _starts(self, rows: Rows) -> list[Hypothesis]:
         model, prior = self.space.model, self.prior
@@ -147,7 +166,8 @@ class Bank:
             anchor = Moment(int(usable.t[0]), x, P, status.fresh_memory(len(model.is_ins)))
             trial = Hypothesis(self.space, anchor, self.excluded)
             if self.best is not None:
-                trial.scale = self.best.scale
+                trial.scale, trial.usual_psd = self.best.scale, self.best.usual_psd
+                trial.psd = self.best.usual_psd
             trial.own = outcome(len(rows.t))
             trial.own.weight[:] = rows.sensor == s
             trial.settle(rows, 0)

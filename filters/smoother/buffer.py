@@ -141,6 +141,7 @@ def faults(new: np.ndarray, variance: np.ndarray, oldest_ns: int) -> np.ndarray:
     ``variance`` (s, 13) is finite where a sensor has the channel; what is before ``oldest_ns`` is final.
     """
     known = (new["sensor"] >= 0) & (new["sensor"] < len(variance))
+    known &= (new["channel"] >= 0) & (new["channel"] < variance.shape[1])
     known[known] = np.isfinite(variance[new["sensor"][known], new["channel"][known]])
     fault = np.full(len(new), NONE)
     fault[new["t_ns"] < oldest_ns] = TOO_OLD

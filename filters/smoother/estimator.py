@@ -82,6 +82,8 @@ class FixedLagSmoother:
         self.sensors, self.settings, self._correction = tuple(sensors), settings, correction
         self.model = models.build(sensors, settings.ins_bias_sigma_m, settings.ins_bias_tau_s)
         psd = np.repeat([settings.jerk_psd, settings.gust_psd], 2)
+        if np.isfinite(settings.height_m):  # a target that keeps its height
+            psd[[1, 3]] = 0.0
         self._space = Workspace(self.model, psd)
         self._rule, self._robust = rule, rule.kind == gated.STATUS
         prior = Prior(settings.height_m, settings.height_sigma_m)
@@ -135,6 +137,7 @@ class FixedLagSmoother:
             self._close(int(self._best.head.t_ns) + round(2e9 * self.settings.longest_lag_s))
         elif self._buffer.done > self._buffer.decided:
             self._buffer.void(self._buffer.decided, self._buffer.done)
+        self._smoothed += [snapshot.left for snapshot in self._snapshots[1:]]
         self._snapshots = self._snapshots[-1:]
         self._buffer.final = self._buffer.size
         return Step(np.zeros(0, TRACK), self._take_smoothed(), self._buffer.changes())
@@ -239,10 +242,8 @@ class FixedLagSmoother:
         for bank in self._banks:
             if bank.best is None or t_ns - bank.best.head.t_ns < CELL_NS:
                 continue
-            head, dt = bank.best.head, (t_ns - bank.best.head.t_ns) * 1e-9
-            growth = bank.best.psd[:2].max() * dt**3 / 3 + bank.best.psd[2:].max() * dt
-            variance = np.diag(head.P)[3:6] + dt**2 * np.diag(head.P)[6:9] + growth
-            if variance.max() < SPEED_LOST_MPS**2:
+            dt, psd = (t_ns - bank.best.head.t_ns) * 1e-9, bank.best.usual_psd
+            if psd[:2].max() * dt**3 / 3 + psd[2:].max() * dt < SPEED_LOST_MPS**2:
                 continue
             if bank is self._banks[0]:
                 bank.reason = f"nothing heard for {dt:.1f} s: begun again from the sensors"
@@ -338,7 +339,7 @@ class FixedLagSmoother:
                 bank.begin(rows)
             else:
                 bank.redecide(rows, 0)
-        found, started = main.redecide(rows, cut)
+        found, started = (main.redecide if self._robust else main.watch)(rows, cut)
         if started:
             self._resets += ((buffer.decided, main.best.anchor.copy(), main.reason),)
         self._enter(0, len(rows.t))
@@ -361,7 +362,7 @@ class FixedLagSmoother:
         rows = buffer.view(buffer.decided, buffer.done)
         left = np.zeros(0, TRACK)
         if found is None:
-            found = self._best.settle(rows, cut)
+            found = (self._best.settle if self._robust else self._best.look)(rows, cut)
             self._enter(0, len(rows.t))
         first, out = epochs(rows.t[:cut]), self._space.trace
         left = self._track(rows.t[first], out.x[first].copy(), out.P[first].copy())

@@ -3,8 +3,8 @@
     anchor ──► the window's rows, each with its weight ──► head
     committed                                              the state now
 
-A hypothesis is an anchor (a state with each channel's status), a sensor that it leaves out (or none), and a
-regime of the motion for every row. `admit` takes rows at first sight, `settle` weighs the whole window again
+A hypothesis is an anchor (a state with each channel's status), a sensor that it leaves out (or none), and the
+densities of the motion. `admit` takes rows at first sight, `settle` weighs the whole window again
 until nothing changes, `commit` lets the anchor pass rows that are decided.
 """
 
@@ -20,8 +20,6 @@ from filters.smoother.buffer import Outcome, Rows, outcome
 SETTLED = 0.05  # a change of weight that is no change
 PASSES = 3  # over the window at most, at one temperature
 ANNEALING = (100.0, 16.0, 4.0, 1.0)  # factors of all noise variances, from wide to narrow
-CALM, MANOEUVRE = 0, 1  # regimes
-ABRUPT = np.array([3e4, 3e4, 50.0, 50.0])  # densities of a manoeuvre: a launch, a collision, a stall
 
 
 class Moment(NamedTuple):
@@ -61,7 +59,8 @@ class Hypothesis:
     def __init__(self, space: Workspace, anchor: Moment, excluded: int = -1):
         self.space, self.anchor, self.head, self.excluded = space, anchor, anchor.copy(), excluded
         self.own = outcome(0)
-        self.psd = space.prior_psd  # (4,) now
+        self.psd = self.usual_psd = space.prior_psd  # (4,) densities now, and the middle of their prior
+        self.psd_before = self.psd  # of the rows in the window before a manoeuvre: regime 1
         self.log_evidence = self.shortfall = 0.0
         self.scale = space.prior_noise
         self.surprise = 0.0
@@ -75,8 +74,8 @@ class Hypothesis:
         return other
 
     def densities(self) -> np.ndarray:
-        """(2, 4) of the regimes."""
-        return np.stack([self.psd, np.maximum(ABRUPT, self.psd)])
+        """(2, 4) of the regimes: now, and before the manoeuvre that the window has seen."""
+        return np.stack([self.psd, self.psd_before])
 
     def admit(self, new: Rows, told: gated.Told, rule: gated.Rule, quiet_ns: int) -> tuple[int, int]:
         """Take ``new`` rows at first sight until one surprises; (rows, epochs) taken.
@@ -113,9 +112,21 @@ class Hypothesis:
                 if temperature == 1.0 and change < SETTLED:
                     break
             if temperature == 1.0:
-                self.psd = adaptation.densities(self.psd, self.space.prior_psd, found)
+                self.psd = adaptation.densities(self.psd, self.usual_psd, found)
         self.head, self.surprise = self.head._replace(memory=memory), 0.0
         self._weigh_evidence(rows)
+        return found
+
+    def look(self, rows: Rows, keep: int) -> passes.Scores:
+        """As `settle`, but what was decided at first sight stays: for the methods that have no window."""
+        head, own = self.head, self.own
+        first_sight = own.residual.copy(), own.sigma.copy(), own.nis.copy()
+        found = self._smooth(rows, keep)
+        own.residual[:], own.sigma[:], own.nis[:] = first_sight
+        self.head = head
+        self.log_evidence, self.shortfall = status.log_evidence(
+            rows, own, own.residual, own.sigma**2, status.fresh_memory(len(self.anchor.memory)), self.excluded
+        )
         return found
 
     def _smooth(self, rows: Rows, keep: int) -> passes.Scores:
@@ -135,10 +146,10 @@ class Hypothesis:
 
     def _weigh_evidence(self, rows: Rows) -> None:
         out = self.space.trace
-        self.log_evidence, expected, spread = status.log_evidence(
+        self.log_evidence, self.shortfall = status.log_evidence(
             rows, self.own, out.v, out.S, self.anchor.memory.copy(), self.excluded
         )
-        self.shortfall = (expected - self.log_evidence) / max(np.sqrt(spread), 1.0)
+        self.log_evidence += adaptation.log_prior(self.psd, self.usual_psd)
 
     def commit(self, rows: Rows, cut: int, found: passes.Scores, seconds: float) -> None:
         """Decide the first ``cut`` rows for good: the anchor passes them, the noise is followed."""
@@ -154,3 +165,4 @@ class Hypothesis:
         self.anchor = Moment(int(t_ns), x, P, memory)
         self.own = Outcome(*(column[cut:].copy() for column in self.own))
         self.scale = adaptation.follow_noise(self.scale, space.prior_noise, found, seconds)
+        self.usual_psd = adaptation.usual(self.usual_psd, self.psd, space.prior_psd, seconds)

@@ -87,7 +87,7 @@ def backward(model, rows, own, densities, keep, out, r, N, found, work):
     """Hold every row against all others; ``r`` (n,), ``N`` (n, n) say what came after, in place.
 
     Fills ``own.residual`` and ``own.sigma``, smooths the states that ``out`` keeps, and adds to ``found``,
-    `Scores` (of the noise only for the first ``keep`` rows). ``work``: `state.scratch`.
+    `Scores` (of the noise only for the first ``keep`` rows, of the motion for regime 0). ``work``: `state.scratch`.
     """
     n, Nm = r.size, work[0]
     for k in range(rows.t.size - 1, -1, -1):
@@ -122,7 +122,8 @@ def backward(model, rows, own, densities, keep, out, r, N, found, work):
                 _smooth(out.x[k], out.P[k], r, N, work[1:])
             if k > 0:
                 dt = (rows.t[k] - rows.t[k - 1]) * 1e-9
-                score(r, N, dt, densities[own.regime[k]], found.motion[0], found.motion[1])
+                if own.regime[k] == 0:
+                    score(r, N, dt, densities[0], found.motion[0], found.motion[1])
                 pull_back(r, N, dt, model.rate)
 
 

@@ -41,7 +41,7 @@ def places(rows, offset, rotation, is_ins, height_m, begin):
             elif rows.channel[i] == ELEVATION:
                 elevation = rows.value[i]
         if not is_ins[s]:
-            if elevation != elevation and far > 0.0:
+            if elevation != elevation and far > 0.0 and height_m == height_m:
                 elevation = math.asin(max(-1.0, min(1.0, (height_m - offset[s, 2]) / far)))
             flat = far * math.cos(elevation)
             a, b, c = flat * math.sin(azimuth), flat * math.cos(azimuth), far * math.sin(elevation)
@@ -143,4 +143,6 @@ def state(model: Model, place, sigma_m, velocity, height_m, height_sigma_m) -> t
         x[2], P[2, 2] = height_m, height_sigma_m**2
     P[range(3, 6), range(3, 6)] = SPEED_SIGMA_MPS**2
     P[range(6, CORE), range(6, CORE)] = ACCELERATION_SIGMA_MPS2**2
+    if np.isfinite(height_m):  # and keeps it
+        x[5], P[5, 5], P[8, 8] = 0.0, 0.0, 0.0
     return x, P

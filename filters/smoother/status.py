@@ -29,6 +29,7 @@ P_EXPECTED = 0.03  # … of which a good hypothesis makes no fuss
 RUN_SHARE = 0.2  # of the outliers begin a run
 RUN_ROWS = 10.0  # mean length of a run
 GROSS_COST, RUN_COST = 4.0, 2.0  # log likelihood by which an outlier of usual size is below a good row
+NEWEST_NS = 250_000_000  # what goes wrong begins in the newest rows
 MEMORY_ROWS = 50.0  # over so many rows the share of outliers of a channel is learned
 WIDTH = 10.0  # sigmas: half of all gross errors are larger
 SPREAD = 0.2  # share by which the errors of a run differ
@@ -191,11 +192,15 @@ def log_evidence(rows, own, v, S, memory, excluded):
 
     Forward algorithm per channel: a good row by its innovation ``v`` (k,) of variance ``S`` (k,), an outlier
     by its deletion residual. ``memory`` (s, 13, 5) as before the first row; moved on in place. All rows
-    count, whatever a hypothesis leaves out, so that hypotheses compare. Returns (log evidence, expected,
-    its variance).
+    count, whatever a hypothesis leaves out, so that hypotheses compare. Returns (log evidence, shortfall):
+    what a right model would expect more, in its standard deviations, of all rows or of the newest.
     """
     total = due = spread = 0.0
+    newest = 0.0, 0.0, 0.0
+    since = rows.t[len(rows.t) - 1] - NEWEST_NS if len(rows.t) else 0
     for k in range(len(rows.t)):
+        if rows.t[k] <= since:
+            newest = total, due, spread
         m = memory[rows.sensor[k], rows.channel[k]]
         w, r, noise = own.weight[k], own.residual[k], own.noise[k]
         s = math.sqrt(S[k] + (noise / w - noise if w > 0.0 else 0.0))
@@ -213,7 +218,9 @@ def log_evidence(rows, own, v, S, memory, excluded):
             mean, variance = expected(math.sqrt(S[k]), m[4])
             due += mean
             spread += variance
-    return total, due, spread
+    whole = (due - total) / math.sqrt(max(spread, 1.0))
+    last = (due - newest[1] - total + newest[0]) / math.sqrt(max(spread - newest[2], 1.0))
+    return total, max(whole, last)
 
 
 @njit(cache=True)
