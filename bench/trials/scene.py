@@ -168,3 +168,15 @@ def spread(seen: simulate.Observation) -> tuple[np.ndarray, np.ndarray, np.ndarr
     rows["t_ns"], rows["channel"] = seen.t_ns[at_row], seen.channels[at_column]
     rows["value"] = seen.values[at_row, at_column]
     return rows, seen.labels[at_row, at_column], seen.clean[at_row, at_column]
+
+
+def soiled(seen: Scene, share: float, rng: np.random.Generator) -> Scene:
+    """``seen`` with ``share`` of the INS's values outliers too, single ones of 6 to 100 sigmas."""
+    ours = np.array([s.kind == "ins" for s in seen.sensors])[seen.rows["sensor"]]
+    hit = np.flatnonzero(ours & (rng.random(len(ours)) < share))
+    sigma = np.array([s.sigma for s in seen.sensors])[seen.rows["sensor"][hit], seen.rows["channel"][hit]]
+    rows, labels, off_sigma = seen.rows.copy(), seen.labels.copy(), seen.off_sigma.copy()
+    size = np.exp(rng.uniform(*np.log([6.0, 100.0]), len(hit))) * rng.choice([-1.0, 1.0], len(hit))
+    rows["value"][hit] += size * sigma
+    labels[hit], off_sigma[hit] = simulate.ISOLATED, np.abs(size)
+    return seen._replace(rows=rows, labels=labels, off_sigma=off_sigma)

@@ -29,8 +29,8 @@ MISFIT = 5.0  # rows that one misfit outweighs in the search for where a manoeuv
 TEMPER = 0.3  # power of the odds: rows of a channel are less independent than the model says
 CLOSE = np.log(1e3)  # log odds within which two hypotheses are ambiguous
 APART = 3.0  # sigmas between their positions beyond which it matters
+FASTEST_MPS = 1000.0  # 1-sigma per axis of the speeds that there are
 GOOD_SHARE = 0.5  # of the rows that a first state must explain
-KNOWN_M, KNOWN_SHARE = 50.0, 0.02  # a state is published from this sigma on, or share of the distance
 
 
 class Prior(NamedTuple):
@@ -172,6 +172,7 @@ class Bank:
             trial.own.weight[:] = rows.sensor == s
             trial.settle(rows, 0)
             trial.settle(rows, 0)
+            trial.log_evidence -= 0.5 * float(np.sum((trial.head.x[3:6] / FASTEST_MPS) ** 2))
             trials.append(trial)
         return trials
 

@@ -47,6 +47,7 @@ CELLS_PER_LAG = 4
 SPARSE_ROWS = 60  # a window of fewer rows is tried for a start, and decided again, at every epoch
 SURPRISE_NS = 50_000_000  # re-decisions for a surprise are at least so far apart
 SPEED_LOST_MPS = start.SPEED_SIGMA_MPS  # a prediction that knows less than a start does is a start
+LOST_FACTOR = 5.0  # of what may be published: beyond, rows are better taken for a start
 LONG_AGO_NS, NEVER_NS = np.iinfo(np.int64).min // 2, np.iinfo(np.int64).max
 MARK_NS = 1_000_000_000
 class Snapshot(NamedTuple):
@@ -62,6 +63,7 @@ class Snapshot(NamedTuple):
     length: np.ndarray  # (s, 13) consecutive outliers of each channel
     tally: np.ndarray  # (s, 13, 3) of decided rows: used, sum of NIS, refused
     resets: tuple
+    was_known: bool
     left: np.ndarray  # (k,) TRACK smoothed, epochs decided when the cell before ended
 
 
@@ -94,6 +96,7 @@ class FixedLagSmoother:
         self._tally = np.zeros((len(sensors), len(CHANNELS), 3))
         self._boundary_ns = self._newest_ns = self._redecided_ns = self._closed_ns = LONG_AGO_NS
         self._fixed_ns = self._turn = 0
+        self._was_known = True  # since the newest start
         self._lateness_ns = round(1e9 * settings.lateness_s)
         self._resets: tuple = ()
         self._densities = [np.zeros((0, 4))]
@@ -178,7 +181,7 @@ class FixedLagSmoother:
         to, buffer = self._snapshots[-1], self._buffer
         self._boundary_ns, buffer.done, buffer.decided = to.boundary_ns, to.done, to.decided
         self._redecided_ns, self._closed_ns = to.redecided_ns, to.closed_ns
-        self._turn, self._resets = to.turn, to.resets
+        self._turn, self._resets, self._was_known = to.turn, to.resets, to.was_known
         self._banks = [bank.copy() for bank in to.banks]
         self._length, self._tally = to.length.copy(), to.tally.copy()
 
@@ -187,7 +190,8 @@ class FixedLagSmoother:
         buffer = self._buffer
         return Snapshot(
             self._boundary_ns, buffer.done, buffer.decided, self._redecided_ns, self._closed_ns, self._turn,
-            [bank.copy() for bank in self._banks], self._length.copy(), self._tally.copy(), self._resets, left,
+            [bank.copy() for bank in self._banks], self._length.copy(), self._tally.copy(), self._resets,
+            self._was_known, left,
         )  # fmt: skip
 
     # ---- within a cell
@@ -233,12 +237,17 @@ class FixedLagSmoother:
     def _begin(self, bank: Bank) -> None:
         """Try a first state from the window."""
         buffer = self._buffer
-        if bank.begin(buffer.view(buffer.decided, buffer.done)) and bank is self._banks[0]:
-            self._resets += ((buffer.decided, bank.best.anchor.copy(), bank.reason),)
-            bank.reason = ""
+        if bank.begin(buffer.view(buffer.decided, buffer.done)):
+            before = self._resets if self._was_known else self._resets[:-1]
+            self._resets = (*before, (buffer.decided, bank.best.anchor.copy(), bank.reason))
+            self._was_known = False
 
     def _forget_the_lost(self, t_ns: int) -> None:
-        """After a gap so long that a prediction knows less than a start, begin again."""
+        """Where a prediction knows no more than a start does, begin again: after a gap, or an outage of sorts."""
+        main = self._banks[0]
+        head = main.best and main.best.head
+        if head and not tracks.known(self.model, head.x[None], head.P[None], LOST_FACTOR)[0]:
+            main.best, main.reason = None, "known too poorly: begun again from the sensors"
         for bank in self._banks:
             if bank.best is None or t_ns - bank.best.head.t_ns < CELL_NS:
                 continue
@@ -270,11 +279,9 @@ class FixedLagSmoother:
         self._enter(0, buffer.done - buffer.decided)
         fresh = track["t_ns"] > self._newest_ns
         self._newest_ns = max(self._newest_ns, int(track["t_ns"][-1]))
-        return track[fresh & self._is_known(track)]
-
-    def _is_known(self, track: np.ndarray) -> np.ndarray:
-        """(k,) bool, whether the state is known well enough to be published."""
-        return tracks.known(self.model, track)
+        good = tracks.known(self.model, track["x"], track["P"])
+        self._was_known |= bool(good.any())
+        return track[fresh & good]
 
     def _head_track(self, told: gated.Told, k: int) -> np.ndarray:
         """(k,) TRACK of the newest epochs."""

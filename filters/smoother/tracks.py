@@ -12,7 +12,7 @@ from filters.smoother.hypothesis import Workspace
 
 HALF_QUALITY_M = 10.0  # position 1-sigma at which quality is 50
 DOUBTFUL = 20  # the best quality while two hypotheses are nearly as likely
-KNOWN_M, KNOWN_SHARE = 50.0, 0.02  # position 1-sigma, or its share of the distance, of a state that is known
+KNOWN_M, KNOWN_SHARE = 50.0, 0.05  # position 1-sigma, or its share of the distance, of a state that is known
 
 
 def polished(track: np.ndarray, shift_s: np.ndarray) -> np.ndarray:
@@ -26,19 +26,18 @@ def polished(track: np.ndarray, shift_s: np.ndarray) -> np.ndarray:
     return track
 
 
-def known(model: Model, track: np.ndarray) -> np.ndarray:
-    """(k,) bool, whether each state of ``track`` is known well enough to be published.
+def known(model: Model, x: np.ndarray, P: np.ndarray, factor: float = 1.0) -> np.ndarray:
+    """(k,) bool, whether each state ``x`` (k, ≥6), ``P`` (k, ≥6, ≥6) is known well enough to be published.
 
     Position within KNOWN_M or KNOWN_SHARE of the distance to the nearest instrument, and velocity within the
-    same for a second.
+    same for a second; all that times ``factor``.
     """
-    distance = np.full(len(track), 0.0)
+    distance = np.zeros(len(x))
     if (~model.is_ins).any():
-        gap = track["x"][:, None, :3] - model.offset[~model.is_ins]
+        gap = x[:, None, :3] - model.offset[~model.is_ins]
         distance = np.linalg.norm(gap, axis=2).min(axis=1)
-    limit = np.maximum(KNOWN_M, KNOWN_SHARE * distance)
-    sigma = np.sqrt(np.diagonal(track["P"], axis1=1, axis2=2)[:, :6].max(axis=1))
-    return sigma < limit
+    limit = factor * np.maximum(KNOWN_M, KNOWN_SHARE * distance)
+    return np.diagonal(P, axis1=1, axis2=2)[:, :6].max(axis=1) < limit**2
 
 
 def smooth(
