@@ -67,7 +67,8 @@ class Bank:
         again = self._again(rows, everything, annealed=True)
         wilder = self._manoeuvre(rows)
         trials, starts = [(ODDS_AGAIN, again), (ODDS_MANOEUVRE, wilder)], []
-        if min(best.shortfall, again.shortfall, wilder.shortfall) > SHORTFALL:  # nothing so far explains it
+        unexplained = min(again.shortfall, wilder.shortfall) > SHORTFALL
+        if unexplained or best.shortfall > 3.0 * SHORTFALL:
             starts = self._starts(rows)
         if starts:
             likeliest = max(starts, key=lambda trial: trial.log_evidence)

@@ -15,7 +15,8 @@ from filters.models.motion import CORE
 from filters.models.rows import AZIMUTH, ELEVATION, RANGE, VE, E, N, U
 from filters.models.state import Model, prior_covariance
 
-PLACE_SIGMA_M = 1e5  # of a first state: any place within sight
+PLACE_SIGMA_M, PLACE_SHARE = 1e3, 0.3  # of a first state about its place, m, and share of the distance: much
+# more than the place is worth, and not so much that the covariance loses its digits
 NEAR = 0.05  # of the distance: the same where only crossing lines of sight say it, which bend beyond
 SPEED_SIGMA_MPS = 300.0  # … about what its own places show
 ACCELERATION_SIGMA_MPS2 = 20.0
@@ -115,7 +116,8 @@ def candidates(model: Model, rows, height_m: float, height_sigma_m: float) -> li
             velocity[axis] = np.median(values) if len(values) else velocity[axis]
         mine = rows.sensor == s
         alone = model.is_ins[s] or np.isfinite(rows.place[mine, 0]).any()
-        sigma_m = PLACE_SIGMA_M if alone else NEAR * np.linalg.norm(place - model.offset[s])
+        distance = 0.0 if model.is_ins[s] else np.linalg.norm(place - model.offset[s])
+        sigma_m = max(PLACE_SIGMA_M, PLACE_SHARE * distance) if alone else NEAR * distance
         out.append((s, *state(model, place, sigma_m, velocity, height_m, height_sigma_m)))
     return out
 

@@ -32,8 +32,9 @@ GROSS_COST, RUN_COST = 4.0, 2.0  # log likelihood by which an outlier of usual s
 NEWEST_NS = 250_000_000  # what goes wrong begins in the newest rows
 MEMORY_ROWS = 50.0  # over so many rows the share of outliers of a channel is learned
 WIDTH = 10.0  # sigmas: half of all gross errors are larger
+HANDICAP = 1.0  # log likelihood by which a run is worse at a row that fits
 SPREAD = 0.2  # share by which the errors of a run differ
-DOUBT = 0.5  # a row more likely bad than good is an outlier
+DOUBT = 0.1  # a row less likely good than this is an outlier
 SURE = 0.95  # … and one so likely good is simply used
 NEGLIGIBLE = 1e-3  # a smaller probability of being good is none
 PATCH_ROWS = 3  # so many consecutive outliers of a channel are called a patch
@@ -75,7 +76,8 @@ def log_run(r, s, noise, before):
     spread = math.sqrt(2.0 * s * s + (SPREAD * before) ** 2)
     run = math.log(0.5 * math.exp(log_gross(r, s)) + 0.5 * math.exp(log_good(r - before, spread)))
     power = min(1.0, noise / (s * s))
-    return power * run + (1.0 - power) * max(log_good(r, s), log_gross(r, s))
+    alone = max(log_good(r, s) - HANDICAP, log_gross(r, s))  # a row that fits speaks against the run
+    return power * run + (1.0 - power) * alone
 
 
 @exact
@@ -150,7 +152,7 @@ def advance(rows, own, memory):
         good = m[0]
         filtered(m, own.residual[k], own.sigma[k], own.noise[k])
         if good > DOUBT:
-            m[4] += ((1.0 - own.weight[k]) - m[4]) / MEMORY_ROWS
+            m[4] += ((1.0 if own.weight[k] < 0.5 else 0.0) - m[4]) / MEMORY_ROWS
             m[4] = min(max(m[4], P_OUTLIER), P_WORST)
 
 
