@@ -12,7 +12,7 @@ import numpy as np
 from filters import methods
 from filters.correction.correction import off
 from filters.screening.witness import Nobody, Witness
-from filters.window import estimator, outlier
+from filters.smoother import estimator, status
 from gcs import __version__
 from gcs.contract.config import Station
 from gcs.contract.frames import Frame
@@ -57,7 +57,7 @@ class Session:
         correction: Callable = off,
     ):
         self.sensors = sensors_of(station, frame)
-        self.ledger = Ledger([sensor.name for sensor in self.sensors], outlier.REASONS)
+        self.ledger = Ledger([sensor.name for sensor in self.sensors], status.REASONS)
         self.intake = Intake(station, frame, self.ledger)
         self.align = Align(station.align.hold_s)
         settings = settings_of(station)
