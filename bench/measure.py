@@ -19,10 +19,10 @@ LATE_S, ARRIVAL_S = 0.8, 0.1  # largest delay; arrivals are handed over so often
 
 
 def measure(case: Case, seed: int, seconds: float, methods: Sequence[str]) -> dict[str, dict]:
-    """Figures of one flight, by method. The oracle: the one that takes every value, over the good rows."""
+    """Figures of one flight, by method. The oracle: the default over the good rows alone."""
     flight = fly(case, seed, seconds)
-    trusting = named.make("ukf", flight.sensors)
-    oracle = follow(trusting, flight.rows[flight.labels == simulate.NONE])
+    told = named.make("default", flight.sensors)
+    oracle = follow(told, flight.rows[flight.labels == simulate.NONE])
     return {method: _figures(case, flight, oracle, method, seed, seconds) for method in methods}
 
 

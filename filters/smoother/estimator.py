@@ -338,7 +338,10 @@ class FixedLagSmoother:
                 bank.begin(rows)
             else:
                 bank.redecide(rows, 0)
-        found, started = main.redecide(rows, cut)
+        if self._robust:
+            found, started = main.redecide(rows, cut)
+        else:
+            found, started = main.best.smooth(rows, cut), False
         if started:
             self._resets += ((buffer.decided, main.best.anchor.copy(), main.reason),)
         self._enter(0, len(rows.t))
@@ -361,7 +364,8 @@ class FixedLagSmoother:
         rows = buffer.view(buffer.decided, buffer.done)
         left = np.zeros(0, TRACK)
         if found is None:
-            found = self._best.settle(rows, cut)
+            best = self._best
+            found = best.settle(rows, cut) if self._robust else best.smooth(rows, cut)
             self._enter(0, len(rows.t))
         first, out = epochs(rows.t[:cut]), self._space.trace
         left = self._track(rows.t[first], out.x[first].copy(), out.P[first].copy())

@@ -118,6 +118,12 @@ class Hypothesis:
         self._weigh_evidence(rows)
         return found
 
+    def smooth(self, rows: Rows, keep: int) -> passes.Scores:
+        """As `settle` with the weights as they are, for a rule that decides at first sight; learns nothing."""
+        self._smooth(rows, keep)
+        self.surprise = 0.0
+        return passes.scores(*self.space.model.variance.shape)
+
     def _smooth(self, rows: Rows, keep: int) -> passes.Scores:
         """Once forward and backward with the weights as they are."""
         space, model = self.space, self.space.model

@@ -17,6 +17,7 @@ KNOWN_M, KNOWN_SHARE = 50.0, 0.02  # position 1-sigma, or its share of the dista
 
 def polished(track: np.ndarray, shift_s: np.ndarray) -> np.ndarray:
     """The ``track`` (k,) TRACK moved by ``shift_s`` (k,) or (1,), with its quality; in place."""
+    _repair(track["P"])
     x, shift = track["x"], shift_s[:, None]
     x[:, :3] -= shift * x[:, 3:6] - 0.5 * shift**2 * x[:, 6:9]
     x[:, 3:6] -= shift * x[:, 6:9]
@@ -24,6 +25,16 @@ def polished(track: np.ndarray, shift_s: np.ndarray) -> np.ndarray:
     track["quality"] = np.round(100.0 / (1.0 + sigma_m / HALF_QUALITY_M))
     track["quality"] = np.where(track["ambiguous"], np.minimum(track["quality"], DOUBTFUL), track["quality"])
     return track
+
+
+def _repair(P: np.ndarray) -> None:
+    """Put the next good covariance in the place of each without any digits left, in ``P`` (k, 9, 9), in place.
+
+    Before the first fix the smoother takes the difference of two numbers of 1e10 m².
+    """
+    bad = (np.diagonal(P, axis1=1, axis2=2) <= 0.0).any(axis=1)
+    for k in np.flatnonzero(bad)[::-1]:
+        P[k] = P[k + 1] if k + 1 < len(P) else KNOWN_M**2 * np.eye(P.shape[1])
 
 
 def known(model: Model, track: np.ndarray) -> np.ndarray:

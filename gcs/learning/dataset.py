@@ -28,6 +28,11 @@ SECONDS = 60.0  # of a simulated flight
 RATE_HZ = 100.0  # of its truth
 INS_SIGMA = np.repeat([0.3, 0.2, 1.5], 3)  # m, m/s, m/s²: the station file's defaults
 INS_SIGMA[2] = 0.5
+ESTIMATOR = (
+    "models",
+    "smoother",
+    "simulation",
+)  # of filters: what a flight teaches follows from them
 AROUND_M = (150.0, 2500.0)  # horizontal distance of instruments from the origin
 
 
@@ -180,8 +185,9 @@ def _read_rows(path: Path, sensors: list[tuple[str, float]]) -> np.ndarray:
 
 def _filter_key(settings: Settings) -> int:
     """Changes with the filter's settings and with its code: flights of another filter are no examples."""
-    code = b"".join(path.read_bytes() for path in sorted(Path(filters.__file__).parent.rglob("*.py")))
-    return zlib.crc32(code + repr(settings).encode())
+    top = Path(filters.__file__).parent
+    sources = [path for part in ESTIMATOR for path in sorted((top / part).rglob("*.py"))]
+    return zlib.crc32(b"".join(path.read_bytes() for path in sources) + repr(settings).encode())
 
 
 def gather(

@@ -94,5 +94,5 @@ def error_m(track, truth, skip_s=5.0):
 
 def oracle(used, rows, labels, **settings):
     """The same estimator told which values are outliers: (estimator, its track)."""
-    estimator = make("default", used, Settings(hard=np.inf, soft=np.inf, **settings))
+    estimator = make("ukf", used, Settings(**settings))
     return estimator, run(estimator, rows[labels == 0])[0]

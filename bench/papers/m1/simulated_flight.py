@@ -28,6 +28,7 @@ SIGMA = np.array([RANGE_SIGMA_M, ANGLE_SIGMA, ANGLE_SIGMA])
 START_M = 40.0
 JERK_PSD = 1e-4  # m²/s⁵: the acceleration may wander by 0.08 m/s² in 60 s
 OUTLIER_SHARE, OUTLIER_SIGMAS = 0.05, (6.0, 100.0)  # of the ranges; log-uniform, either sign
+NEVER_NS = np.iinfo(np.int64).max
 FIRST_OUTLIER = 10  # step; earlier, with one instrument and an unknown start, nothing could tell
 
 
@@ -94,7 +95,7 @@ def m1_ukf(
     own.noise[:] = rows.stated
     gated.admit(
         about, rows, own, baselines.white_jerk(jerk_psd), x.copy(), P.copy(), 0, status.fresh_memory(1), -1,
-        METHODS["ga-bp-ukf"], 0.0, np.iinfo(np.int64).max, passes.trace(1, CORE, 1), told, state.scratch(CORE),
+        METHODS["ga-bp-ukf"], 0.0, NEVER_NS, passes.trace(1, CORE, 1), told, state.scratch(CORE),
     )  # fmt: skip
     return Filtered(told.before_x, told.before_P, told.x, told.P)
 
