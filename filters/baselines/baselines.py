@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from filters.baselines.interacting import REASONS, Mind, Told, follow
+from filters.baselines.interacting import REASONS, Mind, Followed, follow
 from filters.models import state as models
 from filters.models.motion import CORE
 from filters.models.rows import CHANNELS, DEWEIGHTED, ROW, TRACK, USED, VERDICT, Sensor, Step
@@ -140,7 +140,7 @@ class Baseline:
     def _follow(self, new: np.ndarray) -> tuple[int, np.ndarray, np.ndarray]:
         """Filter ``new`` (k,) ROW until the lock is lost: (rows taken, their TRACK, their VERDICT)."""
         rows, n, k = columns(self.model, new, self._height[0]), len(self.model.prior), len(new)
-        told = Told(*np.zeros((4, k)), np.zeros((k, n)), np.zeros((k, n, n)))
+        told = Followed(*np.zeros((4, k)), np.zeros((k, n)), np.zeros((k, n, n)))
         count, epochs, lost = follow(
             self.model, rows, self._now_ns, self._psds, self._imq, self._mind, told, passes.trace(1, n, 1),
             models.scratch(n),

@@ -29,7 +29,7 @@ class Mind(NamedTuple):
     lock: np.ndarray  # (2,) time of the newest position believed, ns; positions not believed since
 
 
-class Told(NamedTuple):
+class Followed(NamedTuple):
     """What was made of k rows: arrays (k,), and of the states after each epoch."""
 
     weight: np.ndarray

@@ -39,14 +39,21 @@ def prepare() -> None:
 def _compile() -> None:
     """Every kind of sensor with everything to be estimated: all the code a session can ask for."""
     from filters import methods
-    from filters.models.rows import CHANNELS, Sensor
+    from filters.models.rows import CHANNELS, ROW, Sensor
+    from filters.screening.witness import Witness
+    from filters.wind.wind import WindEstimator
 
     every = np.ones(len(CHANNELS))
     sensors = [
         Sensor("ins", "ins", every),
         Sensor("theodolite", "theodolite", every, estimate=("bias", "clock")),
     ]
-    methods.make("default", sensors).warm_up()  # all methods are made of the same code
+    Witness(sensors).doubts(np.zeros(1, ROW))
+    wind, level, ahead = WindEstimator(), np.zeros(3), np.array([20.0, 0.0, 0.0])
+    for t_ns in (0, 100_000_000):
+        wind.step(t_ns, 20.0, level, ahead)
+    wind.carry(t_ns, np.zeros(2), np.eye(2)).step(2 * t_ns, 20.0, level)
+    methods.make("default", sensors).warm_up()  # the last; all methods are made of the same code
 
 
 if __name__ == "__main__":

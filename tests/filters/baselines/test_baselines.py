@@ -110,7 +110,7 @@ def update(model, mind, channel, measured):
     """Take in one value at the same instant, in place; returns its weight."""
     row = np.zeros(1, ROW)
     row["channel"], row["value"] = channel, measured
-    told = interacting.Told(*np.zeros((4, 1)), np.zeros((1, 9)), np.zeros((1, 9, 9)))
+    told = interacting.Followed(*np.zeros((4, 1)), np.zeros((1, 9)), np.zeros((1, 9, 9)))
     interacting.follow(
         model, baselines.columns(model, row), 0, np.array([[1.0, 1.0, 0.0, 0.0]]), True, mind, told,
         passes.trace(1, 9, 1), models.scratch(9),
