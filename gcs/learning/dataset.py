@@ -58,9 +58,15 @@ class Recorder:
         self._seen.append((x0[:n].copy(), P0[:n, :n].copy(), x1[:n].copy(), P1[:n, :n].copy()))
         return x1
 
-    def columns(self) -> list[np.ndarray]:
-        """x0 (k, 9), P0 (k, 9, 9), x1, P1 of all calls."""
-        return [np.array(column) for column in zip(*self._seen, strict=True)]
+    def columns(self, track: np.ndarray) -> list[np.ndarray]:
+        """x0 (k, 9), P0 (k, 9, 9), x1, P1 of the calls behind (k,) TRACK, in its order.
+
+        Not every state is published; the acceleration goes out as it is and tells which one it was.
+        """
+        calls, found = iter(self._seen), []
+        for x in track["x"]:
+            found.append(next(call for call in calls if np.array_equal(call[2][6:], x[6:])))
+        return [np.array(column) for column in zip(*found, strict=True)]
 
 
 def fly(
@@ -76,7 +82,7 @@ def fly(
     track = methods.make("default", sensors, settings, recorder).step(rows).track
     t_s = (track["t_ns"] - t0_ns) * 1e-9
     fit = (t_s > max(t_s[0] + SETTLE_S, truth.t_s[0])) & (t_s < truth.t_s[-1])
-    x0, P0, x1, P1 = (column[fit] for column in recorder.columns())
+    x0, P0, x1, P1 = (column[fit] for column in recorder.columns(track))
     u, e = correction.samples(x0, P0, x1, P1, np.hstack(scenario.at(truth, t_s[fit])))
     return Flown(name, u, e, correction.sigmas_of(x0, P1))
 
