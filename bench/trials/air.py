@@ -29,13 +29,13 @@ CASES = {
         courses.drone,
         DRONES,
         900.0,
-        simulate.Errors(gap_share=0.3, gap_s=(5.0, 150.0)),
+        simulate.InstrumentErrors(gap_share=0.3, gap_s=(5.0, 150.0)),
         {},
         100.0,
     ),
 }
 for share in (0.04, 0.1, 0.23):
-    gappy = simulate.Errors(gap_share=0.3, gap_s=(5.0, 150.0))
+    gappy = simulate.InstrumentErrors(gap_share=0.3, gap_s=(5.0, 150.0))
     CASES[f"drone gaps {100 * share:g} %"] = (
         courses.drone, DRONES, 900.0, gappy, {"share": share, **PATCHY}, 100.0,
     )  # fmt: skip

@@ -124,7 +124,7 @@ def watch(
 def say(flight: Flight, sensor: Sensor, seed: int, wrong: Wrong) -> simulate.Observation:
     """What one instrument says, outliers and all."""
     rng = stream(seed, sensor.name)
-    errors = simulate.Errors(jitter_s=wrong.jitter_s, gap_share=wrong.gap_share)
+    errors = simulate.InstrumentErrors(jitter_s=wrong.jitter_s, gap_share=wrong.gap_share)
     if sensor.name in wrong.crooked:
         errors = errors._replace(zero=wrong.zero, clock_offset_s=wrong.clock_s)
     rate_hz = MAKES[SITES[sensor.name].make].rate_hz
