@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from filters.baselines.interacting import REASONS, Mind, Followed, follow
+from filters.baselines.interacting import REASONS, Followed, Mind, follow
 from filters.models import state as models
 from filters.models.motion import CORE
 from filters.models.rows import CHANNELS, DEWEIGHTED, ROW, TRACK, USED, VERDICT, Sensor, Step
