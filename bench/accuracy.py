@@ -12,9 +12,10 @@ from bench import table
 from bench.cases import CASES
 from bench.measure import METHODS, measure
 from bench.scene import Case
-from filters.window import estimator
+from filters.smoother import estimator
 from gcs.contract.messages import InputError
 from gcs.outputs.console import say
+from gcs.station.session import as_json
 
 FIRST_SEED = 10_000  # those below serve for tuning
 
@@ -47,7 +48,7 @@ def run(
         "seeds": seeds,
         "first_seed": first_seed,
         "seconds": seconds,
-        "settings": estimator.Settings()._asdict(),
+        "settings": as_json(estimator.Settings()),
         "wall_s": time.monotonic() - begin_s,
         "cases": results,
     }

@@ -16,6 +16,7 @@ import numpy as np
 import filters
 
 FOLDER = Path(filters.__file__).parent
+LAST = "status.advance"  # is compiled when everything else is
 
 
 def drop_stale(folder: Path = FOLDER) -> None:
@@ -30,7 +31,7 @@ def drop_stale(folder: Path = FOLDER) -> None:
 def prepare() -> None:
     """See that the compiled filter is there and fresh; the first time this takes half a minute."""
     drop_stale()
-    kept = any(FOLDER.rglob("__pycache__/decide*.nbi"))
+    kept = any(FOLDER.rglob(f"__pycache__/{LAST}*.nbi"))
     if not kept and os.access(FOLDER, os.W_OK):
         subprocess.run([sys.executable, "-m", "gcs.commands.compiled"], cwd=FOLDER.parent, check=True)
 
@@ -38,15 +39,21 @@ def prepare() -> None:
 def _compile() -> None:
     """Every kind of sensor with everything to be estimated: all the code a session can ask for."""
     from filters import methods
-    from filters.models.rows import CHANNELS, Sensor
+    from filters.models.rows import CHANNELS, ROW, Sensor
+    from filters.screening.witness import Witness
+    from filters.wind.wind import WindEstimator
 
     every = np.ones(len(CHANNELS))
     sensors = [
         Sensor("ins", "ins", every),
         Sensor("theodolite", "theodolite", every, estimate=("bias", "clock")),
     ]
-    for method in ("default", "ga-bp-ukf"):
-        methods.make(method, sensors).warm_up()
+    Witness(sensors).doubts(np.zeros(1, ROW))
+    wind, level, ahead = WindEstimator(), np.zeros(3), np.array([20.0, 0.0, 0.0])
+    for t_ns in (0, 100_000_000):
+        wind.step(t_ns, 20.0, level, ahead)
+    wind.carry(t_ns, np.zeros(2), np.eye(2)).step(2 * t_ns, 20.0, level)
+    methods.make("default", sensors).warm_up()  # the last; all methods are made of the same code
 
 
 if __name__ == "__main__":

@@ -133,7 +133,7 @@ class Station(_Section, frozen=True):
     view: ViewSection = ViewSection()
     align: AlignSection = AlignSection()
     screening: ScreeningSection = ScreeningSection()
-    filter: dict[str, float | int | bool | str] = {}  # filters.window.estimator.Settings by name
+    filter: dict[str, float | int | bool | str] = {}  # filters.smoother.estimator.Settings by name
 
 
 def load(path: Path | None, overrides: Sequence[str] = ()) -> Station:

@@ -16,7 +16,7 @@ from filters import methods
 from filters.correction import correction
 from filters.models.rows import ROW, Sensor
 from filters.simulation import scenario, simulate
-from filters.window.estimator import Settings
+from filters.smoother.estimator import Settings
 from gcs.contract import config
 from gcs.contract.frames import Frame
 from gcs.contract.messages import CHANNELS, InputError
@@ -28,6 +28,11 @@ SECONDS = 60.0  # of a simulated flight
 RATE_HZ = 100.0  # of its truth
 INS_SIGMA = np.repeat([0.3, 0.2, 1.5], 3)  # m, m/s, m/s²: the station file's defaults
 INS_SIGMA[2] = 0.5
+ESTIMATOR = (
+    "models",
+    "smoother",
+    "simulation",
+)  # of filters: what a flight teaches follows from them
 AROUND_M = (150.0, 2500.0)  # horizontal distance of instruments from the origin
 
 
@@ -53,9 +58,15 @@ class Recorder:
         self._seen.append((x0[:n].copy(), P0[:n, :n].copy(), x1[:n].copy(), P1[:n, :n].copy()))
         return x1
 
-    def columns(self) -> list[np.ndarray]:
-        """x0 (k, 9), P0 (k, 9, 9), x1, P1 of all calls."""
-        return [np.array(column) for column in zip(*self._seen, strict=True)]
+    def columns(self, track: np.ndarray) -> list[np.ndarray]:
+        """x0 (k, 9), P0 (k, 9, 9), x1, P1 of the calls behind (k,) TRACK, in its order.
+
+        Not every state is published; the acceleration goes out as it is and tells which one it was.
+        """
+        calls, found = iter(self._seen), []
+        for x in track["x"]:
+            found.append(next(call for call in calls if np.array_equal(call[2][6:], x[6:])))
+        return [np.array(column) for column in zip(*found, strict=True)]
 
 
 def fly(
@@ -71,7 +82,7 @@ def fly(
     track = methods.make("default", sensors, settings, recorder).step(rows).track
     t_s = (track["t_ns"] - t0_ns) * 1e-9
     fit = (t_s > max(t_s[0] + SETTLE_S, truth.t_s[0])) & (t_s < truth.t_s[-1])
-    x0, P0, x1, P1 = (column[fit] for column in recorder.columns())
+    x0, P0, x1, P1 = (column[fit] for column in recorder.columns(track))
     u, e = correction.samples(x0, P0, x1, P1, np.hstack(scenario.at(truth, t_s[fit])))
     return Flown(name, u, e, correction.sigmas_of(x0, P1))
 
@@ -180,8 +191,9 @@ def _read_rows(path: Path, sensors: list[tuple[str, float]]) -> np.ndarray:
 
 def _filter_key(settings: Settings) -> int:
     """Changes with the filter's settings and with its code: flights of another filter are no examples."""
-    code = b"".join(path.read_bytes() for path in sorted(Path(filters.__file__).parent.rglob("*.py")))
-    return zlib.crc32(code + repr(settings).encode())
+    top = Path(filters.__file__).parent
+    sources = [path for part in ESTIMATOR for path in sorted((top / part).rglob("*.py"))]
+    return zlib.crc32(b"".join(path.read_bytes() for path in sources) + repr(settings).encode())
 
 
 def gather(

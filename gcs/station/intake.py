@@ -122,7 +122,7 @@ class Intake:
         ids = self.ledger.add(batch.entries)
         good = batch.complaints == 0
         entries = batch.entries[good]
-        rows = np.empty(len(entries), dtype=ROW)
+        rows = np.zeros(len(entries), dtype=ROW)
         rows["id"], rows["t_ns"] = ids[good], batch.valid_ns[good]
         rows["sensor"], rows["channel"] = entries["sensor"], entries["channel"]
         rows["value"] = np.where(ANGLES[entries["channel"]], np.radians(entries["value"]), entries["value"])

@@ -5,7 +5,7 @@ import numpy as np
 from filters.methods import make
 from filters.models.rows import ROW, Sensor
 from filters.simulation import scenario, simulate
-from filters.window.estimator import Settings
+from filters.smoother.estimator import Settings
 
 SITES = {"theo-a": (800.0, 0.0, 0.0), "theo-b": (0.0, 900.0, 10.0), "radar": (-700.0, -500.0, 0.0)}
 SIGMA = {"theo-a": (1.0, 5e-5, 5e-5), "theo-b": (1.0, 5e-5, 5e-5), "radar": (5.0, 1e-3, 1e-3, 0.3)}
@@ -94,5 +94,5 @@ def error_m(track, truth, skip_s=5.0):
 
 def oracle(used, rows, labels, **settings):
     """The same estimator told which values are outliers: (estimator, its track)."""
-    estimator = make("default", used, Settings(hard=np.inf, soft=np.inf, **settings))
+    estimator = make("ukf", used, Settings(**settings))
     return estimator, run(estimator, rows[labels == 0])[0]

@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 
-from filters.baselines import baselines
-from filters.models import model as models
-from filters.models.rows import AZIMUTH, LATE, RANGE
-from filters.window import passes as window
-from filters.window.estimator import Settings
+from filters.baselines import baselines, interacting
+from filters.models import state as models
+from filters.models.rows import AZIMUTH, INVALID, LATE, RANGE, ROW
+from filters.smoother import passes
+from filters.smoother.estimator import Settings
+from filters.smoother.status import NO_STATE
 from tests.filters import full_ukf
 from tests.filters.scenes import error_m, oracle, run, scene, sensors
 
@@ -49,6 +50,43 @@ def test_rows_out_of_order_are_late():
     assert len(step.track) == 0
 
 
+@pytest.mark.parametrize("method", baselines.PSD_FACTORS)
+def test_a_lost_filter_begins_anew_and_says_so(method):
+    """From one moment on every value is nonsense: no position is believed any more."""
+    _, used, rows, _ = scene(5, seconds=12, level="gentle", names=("theo-a", "theo-b"))
+    nonsense = rows["t_ns"] > rows["t_ns"][0] + 5_000_000_000
+    drawn = np.random.default_rng(0).uniform(-1.0, 1.0, nonsense.sum())
+    rows["value"][nonsense] = np.where(rows["channel"][nonsense] == RANGE, 3e4 + 2e4 * drawn, 1.5 * drawn)
+    estimator = baselines.make(method, used, Settings())
+    track, _, verdicts = run(estimator, rows, batch=200)
+    assert track["reset_counter"][-1] == len(estimator.report()["resets"]) >= 1
+    begun_s = (np.array([one["t_ns"] for one in estimator.report()["resets"]]) - rows["t_ns"][0]) / 1e9
+    assert 6.9 < begun_s[0] < {"wolf": 7.2, "imm": 11.5}[method]  # a soft gate is dragged along for a while
+    assert len(verdicts) == len(rows)
+    assert np.isfinite(track["x"]).all()
+    assert np.isfinite(estimator.smooth()["x"]).all()
+
+
+def test_a_gap_begins_anew_too():
+    truth, used, rows, _ = scene(5, seconds=20, level="gentle")
+    t_s = (rows["t_ns"] - rows["t_ns"][0]) / 1e9
+    heard = rows[(t_s < 4.0) | (t_s > 15.0)]
+    estimator = baselines.make("wolf", used, Settings())
+    track, _, _ = run(estimator, heard, batch=100)
+    assert [one["reason"] for one in estimator.report()["resets"]] == ["no position heard for 10 s"]
+    assert error_m(track, truth, skip_s=16.0).max() < 3.0
+
+
+def test_what_waits_for_a_start_in_vain_is_not_forgotten():
+    _, used, rows, _ = scene(4, seconds=5, names=("theo-a",))
+    angles = rows[rows["channel"] == AZIMUTH]
+    track, _, verdicts = run(baselines.make("imm", used, Settings()), angles, batch=50)
+    assert len(track) == 0
+    assert sorted(verdicts["id"]) == sorted(angles["id"])
+    assert set(verdicts["verdict"]) == {INVALID}
+    assert set(verdicts["reason"]) == {NO_STATE}
+
+
 @pytest.mark.parametrize("off_sigma", [0.5, 5.0, 100.0])
 @pytest.mark.parametrize("channel", [RANGE, AZIMUTH])
 def test_wolf_is_the_textbook_filter_with_more_noise(channel, off_sigma):
@@ -58,10 +96,10 @@ def test_wolf_is_the_textbook_filter_with_more_noise(channel, off_sigma):
     sigma = used[0].sigma[channel]
     measured = full_ukf.update(x, P, used[0], channel, 0.0)[2] * -1 + off_sigma * sigma
     v = full_ukf.update(x, P, used[0], channel, measured)[2]
-    weight = 1.0 / (1.0 + (v / (baselines.IMQ_SIGMAS * sigma)) ** 2)
+    weight = 1.0 / (1.0 + (v / (interacting.IMQ_SIGMAS * sigma)) ** 2)
     noisier = used[0]._replace(sigma=used[0].sigma / np.sqrt(weight))
     expected_x, expected_P, *_ = full_ukf.update(x, P, noisier, channel, measured)
-    mind = baselines.Mind(x[None].copy(), P[None].copy(), np.ones(1))
+    mind = interacting.Mind(x[None].copy(), P[None].copy(), np.ones(1), np.zeros(2, np.int64))
     found = update(baselines.make("wolf", used, Settings()).model, mind, channel, measured)
     assert found == pytest.approx(weight)
     assert np.allclose(mind.x[0], expected_x, rtol=0, atol=1e-9)
@@ -70,24 +108,25 @@ def test_wolf_is_the_textbook_filter_with_more_noise(channel, off_sigma):
 
 def update(model, mind, channel, measured):
     """Take in one value at the same instant, in place; returns its weight."""
-    t, sensor = np.zeros(1, np.int64), np.zeros(1, np.int16)
-    weight, predicted, sigma, nis = np.zeros((4, 1))
-    baselines.follow(
-        model, t, sensor, np.array([channel], np.int8), np.array([measured]), 0, np.ones(1), True, mind,
-        weight, predicted, sigma, nis, np.zeros((1, 9)), np.zeros((1, 9, 9)),
-        window.trace(1, 9, 1), models.scratch(9),
+    row = np.zeros(1, ROW)
+    row["channel"], row["value"] = channel, measured
+    told = interacting.Followed(*np.zeros((4, 1)), np.zeros((1, 9)), np.zeros((1, 9, 9)))
+    interacting.follow(
+        model, baselines.columns(model, row), 0, np.array([[1.0, 1.0, 0.0, 0.0]]), True, mind, told,
+        passes.trace(1, 9, 1), models.scratch(9),
     )  # fmt: skip
-    return weight[0]
+    return told.weight[0]
 
 
 def test_blend_keeps_mean_and_spread():
     """Against samples drawn from the mixture."""
     rng = np.random.default_rng(5)
-    mind = baselines.Mind(
-        np.array([[0.0, 1.0], [3.0, -1.0]]), np.array([np.eye(2), 4 * np.eye(2)]), np.ones(2)
-    )
+    mind = interacting.Mind(
+        np.array([[0.0, 1.0], [3.0, -1.0]]), np.array([np.eye(2), 4 * np.eye(2)]), np.ones(2),
+        np.zeros(2, np.int64),
+    )  # fmt: skip
     share, x, P = np.array([0.3, 0.7]), np.zeros(2), np.zeros((2, 2))
-    baselines.blend(mind, share, x, P)
+    interacting.blend(mind, share, x, P)
     which = (rng.random(200_000) < share[1]).astype(int)
     drawn = mind.x[which] + rng.normal(size=(200_000, 2)) * np.array([1.0, 2.0])[which, None]
     assert np.allclose(x, drawn.mean(axis=0), atol=0.02)

@@ -10,7 +10,7 @@ MS = 1_000_000
 
 def rows(*items):
     """ROWs from (id, t in ms, sensor, channel)."""
-    return np.array([(i, t * MS, s, c, 0.0) for i, t, s, c in items], dtype=ROW)
+    return np.array([(i, t * MS, s, c, 0.0, 0.0) for i, t, s, c in items], dtype=ROW)
 
 
 def test_releases_in_time_order_and_names_repeats():

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from filters.models import model
+from filters.models import state
 from filters.models.rows import AZIMUTH, ELEVATION, RANGE
 from gcs.contract.config import Position, SensorPrior, SensorSection, Station
 from gcs.contract.frames import Frame
@@ -19,7 +19,7 @@ def test_priors_reach_the_state():
         name="theo", kind="theodolite", position=SITE, prior=prior, estimate=["bias", "clock"]
     )
     sensors = sensors_of(Station(sensor=[instrument]), Frame(-35.36, 149.16, 600.0))
-    built = model.build(sensors, 1.0, 1.0, 1.0)
+    built = state.build(sensors)
     at = [built.bias_at[1, channel] for channel in (RANGE, AZIMUTH, ELEVATION)]
     expected = [2.0, np.radians(0.1), np.radians(0.2)]
     np.testing.assert_allclose(np.sqrt(built.prior[at]), expected)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from filters.models.rows import VERDICT
-from filters.window.outlier import REASONS
+from filters.smoother.status import REASONS
 from gcs.contract.config import Position, RangeSection, SensorSection, Station
 from gcs.contract.frames import Frame
 from gcs.contract.messages import CHANNELS, INS, POLAR, VERDICTS, Bad
@@ -47,6 +47,7 @@ def test_values_become_rows_in_filter_units(intake):
     assert rows["value"].tolist() == [812.5, pytest.approx(np.pi / 2)]
     assert set(rows["t_ns"].tolist()) == {10**18 - 250_000_000}  # the known latency is taken off
     assert intake.ledger.entries["t_ns"].tolist() == [10**18, 10**18]  # the record keeps what the feed gave
+    assert rows["sigma"].tolist() == [0.0, 0.0]  # the sensor's own
     assert len(invalid) == 0
 
 

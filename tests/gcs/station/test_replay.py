@@ -85,6 +85,21 @@ def test_summary_states_settings_rates_and_gaps(run):
     assert paces["theo-east"]["longest_gap_s"] > 1.0
 
 
+def test_every_track_tells_how_far_it_holds(run):
+    """The columns come last; a level is a number above the state's own sigma, or empty."""
+    out, _, _ = run
+    for name in ("track.csv", "smoothed.csv"):
+        rows = table(out / name)
+        assert list(rows[0])[-3:] == ["protection_h_m", "protection_v_m", "ambiguous"]
+        assert {row["ambiguous"] for row in rows} <= {"0", "1"}
+        for row in rows:
+            for level, sigma in (("protection_h_m", "sigma_e_m"), ("protection_v_m", "sigma_u_m")):
+                assert row[level] == "" or float(row[sigma]) < float(row[level]) < float("inf")
+        assert all(np.isfinite(float(row["sigma_e_m"])) for row in rows)
+    told = [row["protection_h_m"] != "" for row in table(out / "track.csv")]
+    assert np.mean(told) > 0.8
+
+
 def test_near_the_truth(run):
     """Within a metre and a half of the simulator's own track, newest state and best estimate."""
     out, flight, _ = run
