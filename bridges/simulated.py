@@ -124,6 +124,7 @@ def to_polar(seen: simulate.Observation) -> np.ndarray:
     rows["t_ns"] = rows["arrival_ns"] = seen.t_ns
     for (name, decimals), column in zip(COLUMNS.items(), (seen.values * TO_FILE).T, strict=True):
         rows[name] = np.round(column, decimals)
+        rows[f"sigma_{name}"] = np.nan
     return rows
 
 
