@@ -12,7 +12,7 @@ from bench import table
 from bench.cases import CASES
 from bench.measure import METHODS, measure
 from bench.scene import Case
-from filters.window import estimator
+from filters.smoother import estimator
 from gcs.contract.messages import InputError
 from gcs.outputs.console import say
 

@@ -11,17 +11,17 @@ from filters import methods as named
 from filters.baselines import baselines
 from filters.models.rows import Sensor
 from filters.simulation import simulate
-from filters.window import estimator
-from filters.window.estimator import Estimator
+from filters.smoother import estimator
+from filters.smoother.estimator import FixedLagSmoother
 
 METHODS = (*named.METHODS, *baselines.PSD_FACTORS)
 LATE_S, ARRIVAL_S = 0.8, 0.1  # largest delay; arrivals are handed over so often
 
 
 def measure(case: Case, seed: int, seconds: float, methods: Sequence[str]) -> dict[str, dict]:
-    """Figures of one flight, by method. The oracle: the default without judgement, over the good rows."""
+    """Figures of one flight, by method. The oracle: the one that takes every value, over the good rows."""
     flight = fly(case, seed, seconds)
-    trusting = named.make("default", flight.sensors, estimator.Settings(soft=np.inf, hard=np.inf))
+    trusting = named.make("ukf", flight.sensors)
     oracle = follow(trusting, flight.rows[flight.labels == simulate.NONE])
     return {method: _figures(case, flight, oracle, method, seed, seconds) for method in methods}
 
@@ -36,7 +36,7 @@ class MethodRun(NamedTuple):
     report: dict
 
 
-def make(method: str, sensors: Sequence[Sensor]) -> Estimator | baselines.Baseline:
+def make(method: str, sensors: Sequence[Sensor]) -> FixedLagSmoother | baselines.Baseline:
     """One of METHODS."""
     if method in baselines.PSD_FACTORS:
         return baselines.make(method, sensors, estimator.Settings())
@@ -44,7 +44,7 @@ def make(method: str, sensors: Sequence[Sensor]) -> Estimator | baselines.Baseli
 
 
 def follow(
-    one: Estimator | baselines.Baseline, rows: np.ndarray, ends: np.ndarray | None = None
+    one: FixedLagSmoother | baselines.Baseline, rows: np.ndarray, ends: np.ndarray | None = None
 ) -> MethodRun:
     """Run ``rows`` through a fresh estimator, all at once or in the parts that stop at ``ends``."""
     steps = [one.step(part) for part in (np.split(rows, ends) if ends is not None else [rows])]

@@ -69,7 +69,18 @@ def status(scene: Scene, state: State | None, wind: Wind | None, word: str, colo
 <table><tr><td>{state.lat_deg:.6f}° {state.lon_deg:.6f}°</td><td>height {state.alt_m:.1f} m</td></tr>
 <tr><td>speed <b>{speed:.1f} m/s</b></td>
 <td>quality <b>{state.quality}</b> · resets <b>{state.reset_counter}</b></td></tr>
-{air(wind, state.t_ns)}</table></div>"""
+{air(wind, state.t_ns)}{doubt(state)}</table></div>"""
+
+
+def doubt(state: State) -> str:
+    """How far the position can be trusted, in a line each; nothing where the station does not say."""
+    lines = []
+    if state.ambiguous:
+        lines.append(inked("two positions fit the measurements: this may be the wrong one", colours.BAD))
+    if state.protection_h_m is not None and state.protection_v_m is not None:
+        across, high = f"<b>{state.protection_h_m:.1f} m</b>", f"<b>{state.protection_v_m:.1f} m</b>"
+        lines.append(f"position holds within {across}, height within {high}, even if one sensor lies")
+    return "".join(f'<tr><td colspan="2" style="white-space:normal">{line}</td></tr>' for line in lines)
 
 
 def air(wind: Wind | None, t_ns: int) -> str:

@@ -16,15 +16,16 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from filters.models import model as models
+from filters.baselines.baselines import columns
 from filters.models import motion
-from filters.models.rows import AZIMUTH, ELEVATION, RANGE, Sensor
-from filters.models.unscented import difference
+from filters.models import state as models
+from filters.models.rows import ROW, Sensor
 from filters.models.update import update
-from filters.window import passes
+from filters.smoother import passes
 
 EIGEN = ("/usr/include/eigen3", "/usr/local/include/eigen3", "/opt/homebrew/include/eigen3")
 OPTIONS = ("-std=c++17", "-O3", "-march=native")
+JERK_PSD = 10.0  # m²/s⁵, of every filter here
 LAPS = 50  # of the fast ones, so that the clock has something to measure
 
 
@@ -45,24 +46,29 @@ class Timed(NamedTuple):
 
 def ours(task: Task) -> Timed:
     """The kernels of the estimator, one value after the other, as its passes ahead use them."""
-    model = models.build([task.sensor], motion.JERK_PSD, 1.0, 1.0)
-    room = passes.trace(1, 9, 1), models.scratch(9)
-    _follow(model, task.t_s[:1], task.shots[:1], task.x.copy(), task.P.copy(), *room)  # compiles
+    model = models.build([task.sensor])
+    measured = np.zeros(task.shots.size, ROW)
+    measured["t_ns"] = np.repeat(np.round(task.t_s * 1e9), 3).astype(np.int64)
+    measured["channel"], measured["value"] = np.tile([0, 1, 2], len(task.shots)), task.shots.ravel()
+    rows = columns(model, measured)
+    rest = np.array([JERK_PSD, JERK_PSD, 0.0, 0.0]), passes.trace(1, 9, 1), models.scratch(9)
+    _follow(model, rows, task.x.copy(), task.P.copy(), *rest)  # compiles
     begin_s = time.perf_counter()
     for _ in range(LAPS):
         x, P = task.x.copy(), task.P.copy()
-        _follow(model, task.t_s, task.shots, x, P, *room)
+        _follow(model, rows, x, P, *rest)
     return Timed(1e9 * (time.perf_counter() - begin_s) / (LAPS * len(task.shots)), x)
 
 
 @njit(cache=True, fastmath=True)
-def _follow(model, t_s, shots, x, P, out, work):
-    for i in range(len(t_s)):
-        motion.predict(x, P, t_s[i] - t_s[max(i - 1, 0)], model.jerk_psd, model.rate, model.prior)
-        for channel in (RANGE, AZIMUTH, ELEVATION):
-            seen, variance = models.predict_row(model, 0, channel, x, P, model.jerk_psd, out, 0, work)
-            v = difference(channel, shots[i, channel], seen)
-            update(x, P, out.m[0], v, variance + model.variance[0, channel])
+def _follow(model, rows, x, P, psd, out, work):
+    t_ns = rows.t[0]
+    for i in range(len(rows.t)):
+        if rows.t[i] != t_ns:
+            motion.predict(x, P, (rows.t[i] - t_ns) * 1e-9, psd, model.rate, model.prior)
+            t_ns = rows.t[i]
+        v, variance = models.predict_row(model, rows, i, x, P, psd, out, 0, work)
+        update(x, P, out.m[0], v, variance + rows.stated[i])
 
 
 def eigen(task: Task) -> Timed | None:
@@ -72,7 +78,7 @@ def eigen(task: Task) -> Timed | None:
         return None
     numbers = np.concatenate(
         [
-            [LAPS, motion.JERK_PSD], task.sensor.sigma[:3], task.sensor.offset_m, task.x, task.P.ravel(),
+            [LAPS, JERK_PSD], task.sensor.sigma[:3], task.sensor.offset_m, task.x, task.P.ravel(),
             np.column_stack([task.t_s, task.shots]).ravel(),
         ]
     )  # fmt: skip
@@ -113,7 +119,7 @@ def filterpy(task: Task) -> Timed:
     begin_s = time.perf_counter()
     for k, shot in enumerate(task.shots):
         dt = task.t_s[k] - task.t_s[max(k - 1, 0)]
-        ukf.Q = motion.JERK_PSD * _noise(dt)
+        ukf.Q = JERK_PSD * _noise(dt)
         ukf.predict(dt=dt)
         ukf.update(shot)
     return Timed(1e9 * (time.perf_counter() - begin_s) / len(task.shots), ukf.x)
@@ -137,7 +143,7 @@ def stonesoup(task: Task) -> Timed | None:
 
     order = np.arange(9).reshape(3, 3).T.ravel()  # ours p v a per kind, theirs per axis
     spread = {"alpha": 1.0, "beta": 0.0, "kappa": -6.0}
-    motion_model = CombinedLinearGaussianTransitionModel([ConstantAcceleration(motion.JERK_PSD)] * 3)
+    motion_model = CombinedLinearGaussianTransitionModel([ConstantAcceleration(JERK_PSD)] * 3)
     seen = CartesianToElevationBearingRange(
         9, (3, 0, 6), np.diag(task.sensor.sigma[[2, 1, 0]] ** 2),
         translation_offset=StateVector(task.sensor.offset_m[[1, 0, 2]]),

@@ -23,7 +23,7 @@ from bridges import simulated
 from bridges.tlog import flight as tlog_flight
 from bridges.tlog import tlog
 from filters.models.rows import AZIMUTH, ELEVATION, TRACK, Sensor
-from filters.window import estimator
+from filters.smoother import estimator
 from gcs.contract import config
 from gcs.outputs.record import Record
 from gcs.station import replay
@@ -137,7 +137,7 @@ def filterpy_track(sensors: list[Sensor], rows: np.ndarray) -> np.ndarray:
     track, now = [], int(first["t_ns"][-1])
     for row in rows[rows["t_ns"] >= now]:
         if row["t_ns"] > now:
-            track.append((now, kf.x[:9].copy(), kf.P[:9, :9].copy(), 0, 0, now))
+            track.append((now, kf.x[:9].copy(), kf.P[:9, :9].copy(), 0, 0, now, np.nan, np.nan, False))
             dt = (row["t_ns"] - now) * 1e-9
             kf.Q = np.zeros((n, n))
             kf.Q[:9, :9] = settings.jerk_psd * full_ukf.transition(dt)[1]

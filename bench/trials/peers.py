@@ -108,6 +108,7 @@ class Ekf:
     def _track(self, t_ns, x, P, begun) -> np.ndarray:
         n, track = x.shape[1], np.zeros(len(t_ns), TRACK)
         track["t_ns"], track["quality"], track["reset_counter"] = t_ns, 100, begun - 1
+        track["protection_h_m"] = track["protection_v_m"] = np.nan
         track["P"][:, range(6, 9), range(6, 9)] = ACCELERATION_SIGMA_MPS2**2
         track["x"][:, :n], track["P"][:, :n, :n] = x, P
         return track

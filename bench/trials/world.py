@@ -29,9 +29,34 @@ from filters.simulation.scenario import Truth
 from filters.smoother import estimator
 
 __all__ = [
-    "AZIMUTH", "CHANNELS", "ELEVATION", "ISOLATED", "PATCH", "RANGE", "RANGE_RATE", "ROW", "TRACK",
-    "VERDICT", "E", "N", "Sensor", "Step", "Truth", "U", "autopilot", "baselines", "cache_file", "decode",
-    "default_ins", "estimator", "methods", "faults", "fingerprint", "gusts", "scenario", "simulate",
+    "AZIMUTH",
+    "CHANNELS",
+    "ELEVATION",
+    "ISOLATED",
+    "PATCH",
+    "RANGE",
+    "RANGE_RATE",
+    "ROW",
+    "TRACK",
+    "VERDICT",
+    "E",
+    "N",
+    "Sensor",
+    "Step",
+    "Truth",
+    "U",
+    "autopilot",
+    "baselines",
+    "cache_file",
+    "decode",
+    "default_ins",
+    "estimator",
+    "faults",
+    "fingerprint",
+    "gusts",
+    "methods",
+    "scenario",
+    "simulate",
 ]  # fmt: skip
 
 HOME = (-35.363261, 149.165230, 584.0)  # of the recorded flights: latitude, longitude deg, ellipsoidal m
@@ -41,7 +66,8 @@ def decode(log: Path):
     """((n,) ROW of the INS as the station makes them, (n,) arrival ns, its Sensor, UTC − boot ns, frame)."""
     import numpy as np
 
-    from bridges.tlog import flight as tlog_flight, tlog
+    from bridges.tlog import flight as tlog_flight
+    from bridges.tlog import tlog
     from gcs.contract import config
     from gcs.contract.frames import Frame
     from gcs.station.intake import Intake, sensors_of

@@ -16,6 +16,7 @@ import numpy as np
 import filters
 
 FOLDER = Path(filters.__file__).parent
+LAST = "status.advance"  # is compiled when everything else is
 
 
 def drop_stale(folder: Path = FOLDER) -> None:
@@ -30,7 +31,7 @@ def drop_stale(folder: Path = FOLDER) -> None:
 def prepare() -> None:
     """See that the compiled filter is there and fresh; the first time this takes half a minute."""
     drop_stale()
-    kept = any(FOLDER.rglob("__pycache__/decide*.nbi"))
+    kept = any(FOLDER.rglob(f"__pycache__/{LAST}*.nbi"))
     if not kept and os.access(FOLDER, os.W_OK):
         subprocess.run([sys.executable, "-m", "gcs.commands.compiled"], cwd=FOLDER.parent, check=True)
 
@@ -45,8 +46,7 @@ def _compile() -> None:
         Sensor("ins", "ins", every),
         Sensor("theodolite", "theodolite", every, estimate=("bias", "clock")),
     ]
-    for method in ("default", "ga-bp-ukf"):
-        methods.make(method, sensors).warm_up()
+    methods.make("default", sensors).warm_up()  # all methods are made of the same code
 
 
 if __name__ == "__main__":

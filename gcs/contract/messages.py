@@ -106,6 +106,9 @@ class State(_Message, frozen=True, kw_only=True):
     quality: int  # 0 … 100; −1 failed (as MAVLink ODOMETRY)
     reset_counter: int
     age_s: dict[str, float] = {}  # age of each sensor's newest measurement at ``t_ns``
+    protection_h_m: float | None = None  # horizontally it holds within this even if any one sensor lies
+    protection_v_m: float | None = None  # … in height; None: not told, or no bound
+    ambiguous: bool = False  # another position fits the measurements nearly as well
 
 
 class Verdict(_Message, frozen=True, kw_only=True):

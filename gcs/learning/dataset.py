@@ -16,7 +16,7 @@ from filters import methods
 from filters.correction import correction
 from filters.models.rows import ROW, Sensor
 from filters.simulation import scenario, simulate
-from filters.window.estimator import Settings
+from filters.smoother.estimator import Settings
 from gcs.contract import config
 from gcs.contract.frames import Frame
 from gcs.contract.messages import CHANNELS, InputError

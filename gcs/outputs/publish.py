@@ -1,6 +1,7 @@
 """Updates as messages, for the bus and the view."""
 
 from collections.abc import Callable, Iterator, Sequence
+from math import isfinite
 
 import numpy as np
 
@@ -62,6 +63,9 @@ def states(
             quality=int(row["quality"]),
             reset_counter=int(row["reset_counter"]),
             age_s=ages_s(t_ns),
+            protection_h_m=_or_none(float(row["protection_h_m"])),
+            protection_v_m=_or_none(float(row["protection_v_m"])),
+            ambiguous=bool(row["ambiguous"]),
         )
 
 
@@ -100,4 +104,4 @@ def _spokesmen(judged: np.ndarray) -> dict[int, tuple[float, float, float]]:
 
 
 def _or_none(value: float) -> float | None:
-    return value if value == value else None
+    return value if isfinite(value) else None

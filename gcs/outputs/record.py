@@ -1,6 +1,7 @@
 """The run folder: track.csv, smoothed.csv, verdicts.csv, summary.json and the resolved station file."""
 
 import json
+from math import isfinite
 from pathlib import Path
 
 import numpy as np
@@ -13,9 +14,10 @@ from gcs.station.session import Update
 
 TRACK_HEADER = (
     "t_ns,lat_deg,lon_deg,alt_m,e_m,n_m,u_m,ve_mps,vn_mps,vu_mps,ae_mps2,an_mps2,au_mps2,"
-    "sigma_e_m,sigma_n_m,sigma_u_m,sigma_ve_mps,sigma_vn_mps,sigma_vu_mps,quality,reset_counter\n"
+    "sigma_e_m,sigma_n_m,sigma_u_m,sigma_ve_mps,sigma_vn_mps,sigma_vu_mps,quality,reset_counter,"
+    "protection_h_m,protection_v_m,ambiguous\n"
 )
-TRACK_LINE = "%d,%.9f,%.9f,%.4f" + ",%.4f" * 15 + ",%d,%d\n"  # 0.1 mm; 1e-9 degrees is 0.1 mm
+TRACK_LINE = "%d,%.9f,%.9f,%.4f" + ",%.4f" * 15 + ",%d,%d,%s,%s,%d\n"  # 0.1 mm; 1e-9 degrees is 0.1 mm
 VERDICT_HEADER = "t_ns,sensor,channel,value,predicted,sigma,weight,verdict,reason\n"
 
 
@@ -60,11 +62,10 @@ def track_lines(track: np.ndarray, frame: Frame) -> str:
     lat, lon, alt = frame.to_geodetic(track["x"][:, :3])
     sigma = np.sqrt(np.diagonal(track["P"], axis1=1, axis2=2)[:, :6])
     numbers = np.column_stack([lat, lon, alt, track["x"], sigma]).tolist()
-    ends = (track["t_ns"].tolist(), track["quality"].tolist(), track["reset_counter"].tolist())
-    return "".join(
-        TRACK_LINE % (t_ns, *row, quality, resets)
-        for t_ns, quality, resets, row in zip(*ends, numbers, strict=True)
-    )
+    ends = (track[f].tolist() for f in ("quality", "reset_counter"))
+    levels = ([_level(m) for m in track[f].tolist()] for f in ("protection_h_m", "protection_v_m"))
+    lines = zip(track["t_ns"].tolist(), numbers, *ends, *levels, track["ambiguous"].tolist(), strict=True)
+    return "".join(TRACK_LINE % (t_ns, *row, *rest) for t_ns, row, *rest in lines)
 
 
 def verdict_lines(entries: np.ndarray, ledger: Ledger) -> str:
@@ -84,6 +85,11 @@ def verdict_lines(entries: np.ndarray, ledger: Ledger) -> str:
 
 def _number(value: float) -> str:
     return f"{value:.10g}" if value == value else ""
+
+
+def _level(metres: float) -> str:
+    """A protection level; empty where there is none."""
+    return f"{metres:.3f}" if isfinite(metres) else ""
 
 
 def _quoted(text: str) -> str:

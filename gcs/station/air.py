@@ -166,6 +166,7 @@ class Air:
         P[3:5, 3:5] = wind_covariance
         P[range(3, 6), range(3, 6)] += VELOCITY_VAR
         P[range(6, 9), range(6, 9)] = ACCELERATION_VAR
+        row["protection_h_m"] = row["protection_v_m"] = np.nan
         row["t_ns"], row["fixed_ns"], row["reset_counter"] = t_ns, anchor["t_ns"], anchor["reset_counter"]
         sigma_m = np.sqrt(np.trace(P[:3, :3]))
         row["quality"] = np.round(RECKONED_QUALITY / (1.0 + sigma_m / HALF_QUALITY_M))

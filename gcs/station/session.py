@@ -12,7 +12,7 @@ import numpy as np
 from filters import methods
 from filters.correction.correction import off
 from filters.screening.witness import Nobody, Witness
-from filters.window import estimator, outlier
+from filters.smoother import estimator, status
 from gcs import __version__
 from gcs.contract.config import Station
 from gcs.contract.frames import Frame
@@ -57,7 +57,7 @@ class Session:
         correction: Callable = off,
     ):
         self.sensors = sensors_of(station, frame)
-        self.ledger = Ledger([sensor.name for sensor in self.sensors], outlier.REASONS)
+        self.ledger = Ledger([sensor.name for sensor in self.sensors], status.REASONS)
         self.intake = Intake(station, frame, self.ledger)
         self.align = Align(station.align.hold_s)
         settings = settings_of(station, frame)
@@ -65,7 +65,7 @@ class Session:
         self._settings = {
             "method": method,
             "learned_correction": correction is not off,
-            "filter": settings._asdict(),
+            "filter": {name: None if value != value else value for name, value in settings._asdict().items()},
             "station": msgspec.to_builtins(station),
         }
         self.witness = Witness(self.sensors) if station.screening.on else Nobody()

@@ -175,13 +175,12 @@ def test_no_compiler_is_said_and_not_an_error(monkeypatch):
 
 def textbook(work):
     """tests/filters/full_ukf over the same shots."""
-    from filters.models.motion import JERK_PSD
     from tests.filters import full_ukf
 
     x, P, t_s = work.x, work.P, 0.0
     for now_s, shot in zip(work.t_s, work.shots, strict=True):
         F, Q = full_ukf.transition(now_s - t_s)
-        x, P, t_s = F @ x, F @ P @ F.T + JERK_PSD * Q, now_s
+        x, P, t_s = F @ x, F @ P @ F.T + peers.JERK_PSD * Q, now_s
         for channel, value in enumerate(shot):
             x, P, *_ = full_ukf.update(x, P, work.sensor, channel, value)
     return x

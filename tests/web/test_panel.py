@@ -52,6 +52,15 @@ def test_the_wind_says_where_from_and_whether_it_is_known():
     assert "wind" not in panel.status(SCENE, STATE, None, "LIVE", GOOD, 1)
 
 
+def test_doubt_is_told_in_plain_words():
+    assert panel.doubt(STATE) == ""
+    held = msgspec.structs.replace(STATE, protection_h_m=3.24, protection_v_m=5.06, ambiguous=True)
+    said = panel.status(SCENE, held, None, "LIVE", GOOD, 1)
+    assert "within <b>3.2 m</b>, height within <b>5.1 m</b>, even if one sensor lies" in said
+    assert "two positions fit" in said
+    assert "two positions fit" not in panel.doubt(msgspec.structs.replace(held, ambiguous=False))
+
+
 def test_a_sensor_says_rate_share_and_delay():
     html = panel.sensors(SCENE, HEALTH, STATE)
     for text in ("theo-south", "20.0", "8.3%", "120"):

@@ -31,13 +31,18 @@ def room(n: int) -> Filtered:
     return Filtered(*(np.zeros((n, CORE, CORE) if square else (n, CORE)) for square in (0, 1, 0, 1)))
 
 
+def white_jerk(jerk_psd: float) -> np.ndarray:
+    """(4,) densities as `motion.PSD`: the same jerk on all axes, m²/s⁵, and no gusts."""
+    return np.array([jerk_psd, jerk_psd, 0.0, 0.0])
+
+
 def ekf(
     z: np.ndarray, sigma: np.ndarray, x: np.ndarray, P: np.ndarray, step_s: float, jerk_psd: float
 ) -> Filtered:
     """Extended Kalman filter: the measurement linearised at the prediction (Bar-Shalom et al. 2001, 10.3)."""
     out, x, P, still = room(len(z)), x.copy(), P.copy(), np.zeros(CORE)
     for k in range(len(z)):
-        predict(x, P, step_s, jerk_psd, still, still)
+        predict(x, P, step_s, white_jerk(jerk_psd), still, still)
         out.x0[k], out.P0[k] = x, P
         J = jacobian(x[:3])
         S = J @ P @ J.T + np.diag(sigma**2)
@@ -54,7 +59,7 @@ def classic_ukf(
     from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter
 
     still, F, Q = np.zeros(CORE), np.eye(CORE), np.zeros((CORE, CORE))
-    predict(np.zeros(CORE), Q, step_s, jerk_psd, still, still)
+    predict(np.zeros(CORE), Q, step_s, white_jerk(jerk_psd), still, still)
     for axis in range(3):
         F[axis, axis + 3] = F[axis + 3, axis + 6] = step_s
         F[axis, axis + 6] = step_s**2 / 2

@@ -12,11 +12,13 @@ import numpy as np
 
 from bench.papers.m1 import baselines
 from bench.papers.m1.baselines import Filtered
-from filters.baselines import m1
+from filters.baselines.baselines import columns
 from filters.correction import correction
-from filters.models import model
-from filters.models.rows import CHANNELS, Sensor
-from filters.window import book, passes
+from filters.methods import METHODS
+from filters.models import state
+from filters.models.motion import CORE
+from filters.models.rows import CHANNELS, ROW, Sensor
+from filters.smoother import buffer, gated, passes, status
 
 STEP_S, STEPS = 1.0, 60
 PATH = np.array([300.0, 346.0, 200.0, 40.0, 20.0, 10.0, 1.3, 1.7, 1.3])  # the paper's start: m, m/s, m/s²
@@ -79,30 +81,22 @@ def m1_ukf(
     P: np.ndarray,
     step_s: float,
     jerk_psd: float,
-    soft: float = m1.C,
-    hard: float = m1.NOTHING,
 ) -> Filtered:
     """The paper's unscented filter with its outlier handling; arguments as `baselines.ekf`."""
     noise = np.full(len(CHANNELS), np.nan)
     noise[:3] = sigma
-    about = model.build([Sensor("theodolite", "theodolite", noise)], jerk_psd, 1.0, 1.0)
+    about = state.build([Sensor("theodolite", "theodolite", noise)])
     n = len(z)
-    rows = book.room(3 * n)
-    rows.t[:], rows.channel[:] = (
-        np.repeat(np.arange(1, n + 1) * round(step_s * 1e9), 3),
-        np.tile([0, 1, 2], n),
-    )
-    rows.value[:] = z.ravel()
-    out, scratch, work = baselines.room(n), passes.trace(3, 9, 1), model.scratch(9)
-    alone = np.zeros(1, bool)
-    run, t_ns, x, P = np.zeros((1, len(CHANNELS), 2)), 0, x.copy(), P.copy()
-    for k in range(n):
-        span = book.Span(rows, 3 * k, 3 * k + 3)
-        m1.admit(about, *span, x, P, t_ns, jerk_psd, about.variance, run, soft, hard, False, scratch, work)
-        span.label(m1.label, run, alone)
-        t_ns = rows.t[3 * k]
-        out.x0[k], out.P0[k], out.x1[k], out.P1[k] = scratch.x[0], scratch.P[0], x, P
-    return out
+    measured = np.zeros(3 * n, ROW)
+    measured["t_ns"] = np.repeat(np.arange(1, n + 1) * round(step_s * 1e9), 3)
+    measured["channel"], measured["value"] = np.tile([0, 1, 2], n), z.ravel()
+    rows, own, told = columns(about, measured), buffer.outcome(3 * n), gated.told(n, CORE)
+    own.noise[:] = rows.stated
+    gated.admit(
+        about, rows, own, baselines.white_jerk(jerk_psd), x.copy(), P.copy(), 0, status.fresh_memory(1), -1,
+        METHODS["ga-bp-ukf"], 0.0, np.iinfo(np.int64).max, passes.trace(1, CORE, 1), told, state.scratch(CORE),
+    )  # fmt: skip
+    return Filtered(told.before_x, told.before_P, told.x, told.P)
 
 
 def corrected(net: correction.Network | None, done: Filtered) -> np.ndarray:

@@ -6,8 +6,8 @@ import pytest
 from filters.baselines import baselines
 from filters.models import model as models
 from filters.models.rows import AZIMUTH, LATE, RANGE
+from filters.smoother.estimator import Settings
 from filters.window import passes as window
-from filters.window.estimator import Settings
 from tests.filters import full_ukf
 from tests.filters.scenes import error_m, oracle, run, scene, sensors
 

@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
-from filters.simulation.scenario import Truth
-from filters.simulation.simulate import PATCH
 from filters.simulation import autopilot
 from filters.simulation.autopilot import Autopilot, Glitch
+from filters.simulation.scenario import Truth
+from filters.simulation.simulate import PATCH
 
 PERFECT = Autopilot(
     latency_s=(0.0, 0.0, 0.0), slow_m=0.0, quick_m=0.0, velocity_mps=0.0, swing_s=0.0, vibration_mps2=0.0,

@@ -1,12 +1,11 @@
 import numpy as np
 import pytest
 
-from filters.simulation import scenario
 from filters.models.rows import AZIMUTH, ELEVATION, RANGE, Sensor
+from filters.simulation import faults, scenario
+from filters.simulation.faults import Faults
 from filters.simulation.scenario import Truth
 from filters.simulation.simulate import PATCH, T0_NS, polar
-from filters.simulation import faults
-from filters.simulation.faults import Faults
 
 SIGMA = np.array([1.0, 1e-4, 1e-4, np.nan, *[np.nan] * 9])
 THEODOLITE = Sensor("theo", "theodolite", SIGMA, np.array([800.0, -300.0, 0.0]))

@@ -1,8 +1,7 @@
 import numpy as np
 import pytest
 
-from filters.simulation import scenario
-from filters.simulation import gusts
+from filters.simulation import gusts, scenario
 
 DT_S = 0.02
 

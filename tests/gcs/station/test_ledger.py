@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from filters.models.rows import VERDICT
-from filters.window.outlier import REASONS
+from filters.smoother.status import REASONS
 from gcs.contract.config import Position, RangeSection, SensorSection, Station
 from gcs.contract.frames import Frame
 from gcs.contract.messages import CHANNELS, INS, POLAR, VERDICTS, Bad
