@@ -154,6 +154,8 @@ def play(
     several bridges to keep them together. Times stay the flight's own; ``now`` moves them to the present,
     so that the flight begins as the call does.
     """
+    if not 0 < speed <= limits.FASTEST:
+        raise FeedError(f"--speed {speed:g}: expected a number above 0 up to {limits.FASTEST:g}")
     if not due:
         return
     begin_ns = due[0][0] if begin_ns is None else begin_ns
@@ -248,9 +250,10 @@ def _listen(host: str, port: int) -> socket.socket:
     server = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     try:
         server.bind((host, port))
-    except OSError as error:
+    except (OSError, OverflowError) as error:
         server.close()
-        raise FeedError(f"udp {host}:{port}: {error.strerror}; choose another address or port") from None
+        why = getattr(error, "strerror", None) or "a port is a number from 0 to 65535"
+        raise FeedError(f"udp {host}:{port}: {why}; choose another address or port") from None
     server.settimeout(0.1)  # how long a stop may take
     return server
 

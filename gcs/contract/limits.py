@@ -26,6 +26,8 @@ CHANNEL = {  # by channel, in the units of the input
 }
 FIRST_NS, LAST_NS = (int(datetime(year, 1, 1, tzinfo=UTC).timestamp()) * 10**9 for year in (2000, 2100))
 WIRE_NS = 2**62  # a time on the bus lies within ± this: half of int64, so no latency taken off overflows
+FASTEST = 1e6  # times real time, of a file that is played: an hour in 4 ms
+LONGEST_S = 1e7  # of a run whose end is set beforehand: four months; a timer takes no more than 292 years
 TEXT = 200  # characters of damaged input, or of a reason, that travel on and reach verdicts.csv
 
 
