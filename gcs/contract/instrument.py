@@ -25,8 +25,8 @@ class Section(msgspec.Struct, forbid_unknown_fields=True, kw_only=True, frozen=T
 class Position(Section, frozen=True):
     """A place, WGS84."""
 
-    lat_deg: Latitude
-    lon_deg: Longitude
+    lat_deg: Annotated[Latitude, Meta(description="WGS84")]
+    lon_deg: Annotated[Longitude, Meta(description="WGS84")]
     alt_m: Annotated[Height, Meta(description="above the ellipsoid")]
 
 

@@ -106,9 +106,9 @@ def where(given: Given, steps: Steps) -> str:
 
 def valid(kind: inspect.Type) -> str:
     """What a value of a type can be, in words."""
-    kind = _plain(kind)
+    kind = plain(kind)
     if isinstance(kind, inspect.UnionType):
-        kinds = [k for k in map(_plain, kind.types) if not isinstance(k, inspect.NoneType)]
+        kinds = [k for k in map(plain, kind.types) if not isinstance(k, inspect.NoneType)]
         return ", or ".join(map(valid, kinds))
     if isinstance(kind, (inspect.FloatType, inspect.IntType)):
         word = "a whole number" if isinstance(kind, inspect.IntType) else "a number"
@@ -170,7 +170,8 @@ def _at(tree: Any, steps: Steps) -> Any:
     return tree
 
 
-def _plain(kind: inspect.Type) -> inspect.Type:
+def plain(kind: inspect.Type) -> inspect.Type:
+    """The type without what is said about it."""
     while isinstance(kind, inspect.Metadata):
         kind = kind.type
     return kind
@@ -182,16 +183,16 @@ def _fields(kind: inspect.Type) -> list[str]:
 
 def _type_at(schema: type, steps: Steps) -> inspect.Type:
     """msgspec's description of the type that ``steps`` leads to."""
-    kind = _plain(inspect.type_info(schema))
+    kind = plain(inspect.type_info(schema))
     for number, step in enumerate([*steps, None]):
         if isinstance(kind, inspect.UnionType) and number and step is not None:
-            kind = next(k for k in map(_plain, kind.types) if isinstance(k, inspect.StructType))
+            kind = next(k for k in map(plain, kind.types) if isinstance(k, inspect.StructType))
         if isinstance(step, int) and isinstance(kind, inspect.ListType):
-            kind = _plain(kind.item_type)
+            kind = plain(kind.item_type)
         elif step is not None and isinstance(kind, inspect.StructType):
-            kind = _plain(next(f.type for f in kind.fields if f.name == step))
+            kind = plain(next(f.type for f in kind.fields if f.name == step))
     if isinstance(kind, inspect.UnionType):
-        some = [k for k in map(_plain, kind.types) if not isinstance(k, inspect.NoneType)]
+        some = [k for k in map(plain, kind.types) if not isinstance(k, inspect.NoneType)]
         return some[0] if len(some) == 1 else kind
     return kind
 
