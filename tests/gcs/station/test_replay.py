@@ -186,3 +186,17 @@ def test_feeds_alone_are_a_flight(tmp_path):
 def test_an_instrument_without_a_feed_has_no_vote():
     station = config.load(SAMPLE / "station.toml")
     assert replay.heard(station, {}).sensor == []
+
+
+def test_a_lone_instrument_starts_though_its_channels_are_of_different_instants():
+    late = "sensor.theo-north.latency_s={ range_m = 0.06, elevation_deg = 0.01 }"
+    station = config.load(SAMPLE / "station.toml", [late])
+    flight = replay.load(None, station, {"theo-north": FEEDS["theo-north"]})
+    session = Session(replay.heard(station, flight.feeds), flight.frame, [])
+    whole, upto_ns = replay.batch(flight, session.intake), flight.start_ns + 10_000_000_000
+    session.enter(replay.Batch(*(column[whole.valid_ns < upto_ns] for column in whole)))
+    session.advance(upto_ns)
+    counts = session.finish({})["verdicts"]["theo-north"]
+    assert set(counts) == {"range", "azimuth", "elevation"}
+    for channel in counts.values():
+        assert channel["used"] > 0.8 * sum(channel.values())
