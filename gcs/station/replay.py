@@ -2,7 +2,7 @@
 
 import threading
 import time
-from collections.abc import Callable, Container
+from collections.abc import Callable, Container, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -64,7 +64,7 @@ def load(log: Path | None, station: Station, feeds: dict[str, Path]) -> Measured
     return MeasuredFlight(frame, ins, own.air, measured, {"log": own.report}, start_ns, end_ns)
 
 
-def _feeds_alone(station: Station, kinds: dict[str, str], feeds: dict[str, Path]) -> MeasuredFlight:
+def _feeds_alone(station: Station, kinds: Mapping[str, str], feeds: dict[str, Path]) -> MeasuredFlight:
     """A flight that only the ground has seen: no INS, no air data, the station's own origin."""
     if not feeds:
         raise InputError("nothing to replay: name a flight log, or --feed NAME=FILE.csv")
