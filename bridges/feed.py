@@ -152,9 +152,9 @@ def play(
 
     ``begin_ns`` is the flight time at which this call starts (the first item by default): give the same to
     several bridges to keep them together. Times stay the flight's own; ``now`` moves them to the present,
-    so that the flight begins as the call does.
+    so that the flight begins as the call does. Raises ``FeedError`` for a speed that cannot be.
     """
-    if not 0 < speed <= limits.FASTEST:
+    if not (0 < speed <= limits.FASTEST or speed == float("inf")):
         raise FeedError(f"--speed {speed:g}: expected a number above 0 up to {limits.FASTEST:g}")
     if not due:
         return

@@ -18,6 +18,7 @@ INSTRUMENT_CHANNELS = ("range", "azimuth", "elevation", "range_rate")
 INS_CHANNELS = ("e", "n", "u", "ve", "vn", "vu", "ae", "an", "au")
 CHANNELS = INSTRUMENT_CHANNELS + INS_CHANNELS
 VERDICTS = ("used", "deweighted", "isolated", "patch", "invalid", "duplicate", "late")
+GRAVITY_MPS2 = 9.80665  # standard gravity, what is taken off a specific force
 JSON = "application/json"
 MSGPACK = "application/msgpack"
 
