@@ -187,10 +187,10 @@ def instruments_of(station: Path) -> list[SimulatedInstrument]:
     for sensor in config.load(Path(station)).sensor:
         stated = msgspec.structs.asdict(sensor.sigma)
         sigma = stated if any(stated.values()) else msgspec.structs.asdict(config.KIND_SIGMA[sensor.kind])
-        place = msgspec.structs.astuple(sensor.position)
-        about = {name: value for name, value in sigma.items() if value is not None}, sensor.refraction
-        lean = sensor.tilt_deg.east, sensor.tilt_deg.north, sensor.orientation_deg
-        found.append(SimulatedInstrument(sensor.name, sensor.kind, *place, *about, lean))
+        named = {name: value for name, value in sigma.items() if value is not None}
+        at, lean = sensor.position, (sensor.tilt_deg.east, sensor.tilt_deg.north, sensor.orientation_deg)
+        where = at.lat_deg, at.lon_deg, at.alt_m
+        found.append(SimulatedInstrument(sensor.name, sensor.kind, *where, named, sensor.refraction, lean))
     return found
 
 
