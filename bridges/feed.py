@@ -2,49 +2,45 @@
 
 ==================  ==========================================================================================
 ``t``               valid time, UTC: Unix seconds, any number of decimals, or ISO 8601 (UTC without a zone)
-``range_m``         slant range, 0 … 10,000,000
-``azimuth_deg``     clockwise from true north, −360 … 720
-``elevation_deg``   up from the instrument's horizontal plane, −90 … 90
-``range_rate_mps``  radar only; positive when going away, within ±12,000
+``range_m``         slant range
+``azimuth_deg``     clockwise from true north, or from the zero that the station file states
+``elevation_deg``   up from the instrument's horizontal plane
+``range_rate_mps``  radar only; positive when going away
+``sigma_…``         with any of these four names: 1-sigma noise of this one value, in its unit
 ==================  ==========================================================================================
 
 CSV: the first line names the columns, in any order. One UDP datagram holds one or more lines, each a JSON
 object with these names, ``{"t": 1767225600.123456789, "range_m": 812.4, "azimuth_deg": 12.25}``.
-An empty field, ``nan``, ``null`` or a name left out means that the channel has no value.
+An empty field, ``nan``, ``null`` or a name left out means that the channel has no value; that a sigma is not
+given means that the station file's is right. What a value can be: ``gcs/contract/limits.py``. A value whose
+own sigma cannot be is refused, since nobody knows then what it is worth.
 
 Rows may be out of order or repeated; that is judged later. A value that cannot be is refused alone, a line
 without a time as a whole: each becomes one ``Bad`` that names the line, the column and the reason.
 """
 
 import json
-import re
 import socket
 import threading
 import time
 from collections.abc import Iterator
-from datetime import UTC, datetime
-from decimal import Decimal, InvalidOperation
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import msgspec
 import numpy as np
 
+from bridges.instant import time_ns
+from gcs.contract import limits
 from gcs.contract.messages import POLAR, Bad, InputError, PolarMeasurement
 
 if TYPE_CHECKING:  # a bridge is given its bus; zenoh is loaded by whoever opens it
     from gcs.contract.bus import Bus
 
-LIMITS = {
-    "range_m": (0.0, 1e7),  # farther than any flight test
-    "azimuth_deg": (-360.0, 720.0),  # instruments count turns, one up and one down
-    "elevation_deg": (-90.0, 90.0),
-    "range_rate_mps": (-12_000.0, 12_000.0),  # escape velocity
-}
+SIGMAS = {f"sigma_{name}": within for name, within in limits.SIGMA.items()}
+LIMITS = limits.POLAR | SIGMAS
 COLUMNS = ("t", *LIMITS)
-FIRST_NS, LAST_NS = (int(datetime(year, 1, 1, tzinfo=UTC).timestamp()) * 10**9 for year in (2000, 2100))
-ISO = re.compile(r"(\d{4}-?\d\d-?\d\d[T ]\d\d:?\d\d:?\d\d)(?:[.,](\d+))?(Z|[+-]\d\d:?\d\d)?", re.ASCII)
-CLIP = 200  # characters of a damaged line that travel with its verdict
+CLIP = limits.TEXT
 
 
 class FeedError(InputError):
@@ -93,7 +89,8 @@ def decode(
         else:
             lines.append(line)
             objects.append(fields)
-    table = {name: [fields.get(name, "") for fields in objects] for name in columns}
+    told = {"t"}.union(*objects)
+    table = {name: [fields.get(name, "") for fields in objects] for name in columns if name in told}
     rows, refused = _parse(table, source, lambda i: where, lines.__getitem__)
     rows["arrival_ns"] = arrival_ns
     return [*measurements(rows), *bad, *refused]
@@ -155,8 +152,10 @@ def play(
 
     ``begin_ns`` is the flight time at which this call starts (the first item by default): give the same to
     several bridges to keep them together. Times stay the flight's own; ``now`` moves them to the present,
-    so that the flight begins as the call does.
+    so that the flight begins as the call does. Raises ``FeedError`` for a speed that cannot be.
     """
+    if not (0 < speed <= limits.FASTEST or speed == float("inf")):
+        raise FeedError(f"--speed {speed:g}: expected a number above 0 up to {limits.FASTEST:g}")
     if not due:
         return
     begin_ns = due[0][0] if begin_ns is None else begin_ns
@@ -166,39 +165,6 @@ def play(
         if stop.wait(wait_s) if wait_s > 0 else stop.is_set():
             return
         bus.publish("raw", _moved(message, shift_ns) if shift_ns else message, source)
-
-
-def time_ns(text: str) -> int | None:
-    """UTC nanoseconds of Unix seconds or ISO 8601, exact to the last digit; None for anything else."""
-    whole, _, decimals = text.partition(".")
-    if (
-        whole.isdecimal()
-        and whole.isascii()
-        and (not decimals or (decimals.isdecimal() and decimals.isascii()))
-    ):
-        t_ns: int | None = int(whole[:12]) * 10**9 + int((decimals + "000000000")[:9])
-    elif iso := ISO.fullmatch(text.strip()):
-        t_ns = _iso_ns(*iso.groups())
-    else:
-        t_ns = _decimal_ns(text)
-    return t_ns if t_ns is not None and FIRST_NS <= t_ns < LAST_NS else None
-
-
-def _iso_ns(instant: str, decimals: str | None, zone: str | None) -> int | None:
-    try:
-        moment = datetime.fromisoformat(instant + (zone or "Z"))
-    except ValueError:
-        return None
-    return int(moment.timestamp()) * 10**9 + int(((decimals or "") + "000000000")[:9])
-
-
-def _decimal_ns(text: str) -> int | None:
-    try:
-        seconds = Decimal(text)
-    except InvalidOperation:
-        return None
-    known = seconds.is_finite() and 0 <= seconds < LAST_NS
-    return int(seconds * 10**9) if known else None
 
 
 def _parse(table: dict, source: str, where, raw) -> tuple[np.ndarray, list[Bad]]:
@@ -211,14 +177,16 @@ def _parse(table: dict, source: str, where, raw) -> tuple[np.ndarray, list[Bad]]
     def refuse(i: int, reason: str) -> None:
         bad.append(Bad(source=source, where=where(i), reason=reason, raw=raw(i)[:CLIP], t_ns=stamps[i]))
 
-    for name, (low, high) in LIMITS.items():
-        texts = table.get(name)
+    for name, within in LIMITS.items():
+        texts, of = table.get(name), name.removeprefix("sigma_")
         rows[name] = np.nan if texts is None else _numbers(texts)
-        good = np.isnan(rows[name]) | ((rows[name] >= low) & (rows[name] <= high))
+        good = np.isnan(rows[name]) | ((rows[name] >= within[0]) & (rows[name] <= within[1]))
         for i in np.flatnonzero(~good).tolist():
             if texts is not None and stamps[i] is not None:
-                refuse(i, f"{name}: {texts[i].strip()[:40]!r} is no number from {low:.0f} to {high:.0f}")
-            rows[name][i] = np.nan
+                lost = f", so {of} is refused" if of != name else ""
+                said = f"{name}: {texts[i].strip()[:40]!r} is no number from {limits.between(within)}{lost}"
+                refuse(i, said)
+            rows[name][i] = rows[of][i] = np.nan
     timeless = [i for i, t in enumerate(stamps) if t is None]
     for i in timeless:
         refuse(i, f"t: {table['t'][i].strip()[:40]!r} is neither Unix seconds nor ISO 8601 from 2000 to 2099")
@@ -263,8 +231,9 @@ def _header(path: Path, line: str, columns: tuple[str, ...]) -> list[str]:
             raise FeedError(f"{path}:1: unknown column {name[:40]!r}; valid columns are {_valid(columns)}")
         if names.count(name) > 1:
             raise FeedError(f"{path}:1: column {name!r} is there twice; keep one")
-    if "t" not in names or len(names) < 2:
-        raise FeedError(f"{path}:1: needs column t and at least one of {_valid(columns[1:])}")
+    values = [name for name in columns if name in limits.POLAR]
+    if "t" not in names or not set(values) & set(names):
+        raise FeedError(f"{path}:1: needs column t and at least one of {_valid(values)}")
     return names
 
 
@@ -281,9 +250,10 @@ def _listen(host: str, port: int) -> socket.socket:
     server = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     try:
         server.bind((host, port))
-    except OSError as error:
+    except (OSError, OverflowError) as error:
         server.close()
-        raise FeedError(f"udp {host}:{port}: {error.strerror}; choose another address or port") from None
+        why = getattr(error, "strerror", None) or "a port is a number from 0 to 65535"
+        raise FeedError(f"udp {host}:{port}: {why}; choose another address or port") from None
     server.settimeout(0.1)  # how long a stop may take
     return server
 

@@ -17,16 +17,18 @@ import csv
 import gzip
 import json
 import threading
-import tomllib
 from collections.abc import Sequence
 from operator import itemgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import msgspec
 import numpy as np
 
 from bridges import feed
 from filters.simulation import scenario, simulate
+from gcs.contract import config
+from gcs.contract.frames import mount
 from gcs.contract.messages import CHANNELS, POLAR, InputError
 
 if TYPE_CHECKING:  # a bridge is given its bus; zenoh is loaded by whoever opens it
@@ -49,6 +51,7 @@ class SimulatedInstrument(NamedTuple):
     alt_m: float
     sigma: dict[str, float]  # by names of COLUMNS; a channel left out is not measured
     refraction: str = "none"  # none | optical | radar
+    mount_deg: tuple[float, float, float] = (0.0, 0.0, 0.0)  # leans east, north; azimuth of its zero
     errors: simulate.InstrumentErrors = simulate.NO_ERRORS
 
 
@@ -85,9 +88,8 @@ def observe(
     site = instrument.lat_deg, instrument.lon_deg, instrument.alt_m
     target = truth["lat_deg"], truth["lon_deg"], truth["alt_m"]
     t0_ns = int(truth["t_ns"][0])
-    seen_from = scenario.track(
-        (truth["t_ns"] - t0_ns) * 1e-9, np.column_stack(pymap3d.geodetic2enu(*target, *site))
-    )
+    level = np.column_stack(pymap3d.geodetic2enu(*target, *site))
+    seen_from = scenario.track((truth["t_ns"] - t0_ns) * 1e-9, level @ mount(*instrument.mount_deg).T)
     sigma = np.full(len(CHANNELS), np.nan)
     sigma[:4] = [instrument.sigma.get(name, np.nan) for name in COLUMNS] / TO_FILE
     sensor = simulate.Sensor(instrument.name, instrument.kind, sigma, refraction=instrument.refraction)
@@ -124,6 +126,7 @@ def to_polar(seen: simulate.Observation) -> np.ndarray:
     rows["t_ns"] = rows["arrival_ns"] = seen.t_ns
     for (name, decimals), column in zip(COLUMNS.items(), (seen.values * TO_FILE).T, strict=True):
         rows[name] = np.round(column, decimals)
+        rows[f"sigma_{name}"] = np.nan
     return rows
 
 
@@ -179,14 +182,16 @@ def run(
 
 
 def instruments_of(station: Path) -> list[SimulatedInstrument]:
-    """The instruments of a station file; those without ``sigma`` cannot be simulated."""
-    sensors = tomllib.loads(Path(station).read_text(encoding="utf-8")).get("sensor", [])
-    return [
-        SimulatedInstrument(
-            s["name"], s["kind"], **s["position"], sigma=s["sigma"], refraction=s.get("refraction", "none")
-        )
-        for s in sensors
-    ]
+    """The instruments of a station file. A channel without ``sigma`` is not measured; without any, all."""
+    found = []
+    for sensor in config.load(Path(station)).sensor:
+        stated = msgspec.structs.asdict(sensor.sigma)
+        sigma = stated if any(stated.values()) else msgspec.structs.asdict(config.KIND_SIGMA[sensor.kind])
+        named = {name: value for name, value in sigma.items() if value is not None}
+        at, lean = sensor.position, (sensor.tilt_deg.east, sensor.tilt_deg.north, sensor.orientation_deg)
+        where = at.lat_deg, at.lon_deg, at.alt_m
+        found.append(SimulatedInstrument(sensor.name, sensor.kind, *where, named, sensor.refraction, lean))
+    return found
 
 
 def boot_to_utc_ns(path: Path) -> int:

@@ -4,7 +4,7 @@ from functools import partial
 
 from bridges import feed
 
-COLUMNS = ("t", "range_m", "azimuth_deg", "elevation_deg")
+COLUMNS = tuple(name for name in feed.COLUMNS if not name.endswith("range_rate_mps"))
 
 read = partial(feed.read, columns=COLUMNS)
 decode = partial(feed.decode, columns=COLUMNS)

@@ -6,14 +6,13 @@ import numpy as np
 import viser
 import viser.transforms
 
-from gcs.contract.messages import State
+from gcs.contract.messages import GRAVITY_MPS2, State
 from web import colours, glyphs
 
 SIZE, ELLIPSOID = 0.08, 0.025  # wing span and least ellipsoid as a share of the camera's distance
 LEAST_M = 2.0  # wing span from near
 FACTORS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)  # how much larger than life the ellipsoid may be
 SLOW_MPS = 2.0  # below this the velocity says nothing about where the nose points
-GRAVITY_MPS2 = 9.80665
 
 
 class Aircraft:

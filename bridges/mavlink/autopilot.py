@@ -12,8 +12,9 @@ from typing import Any
 
 import numpy as np
 
-GRAVITY = 9.80665  # m/s², also what ArduPilot divides by to get its mG
-MILLI_G = GRAVITY / 1000
+from gcs.contract.messages import GRAVITY_MPS2
+
+MILLI_G = GRAVITY_MPS2 / 1000  # what ArduPilot divides by to get its mG
 IMUS = {
     "HIGHRES_IMU": 1.0,
     "SCALED_IMU": MILLI_G,
@@ -21,7 +22,7 @@ IMUS = {
     "SCALED_IMU2": MILLI_G,
 }  # best first: unit in m/s²
 IMU_SAMPLES = 20  # an accelerometer is believed after so many
-IMU_RANGE = (0.7 * GRAVITY, 1.3 * GRAVITY)  # their median; PX4 may send raw counts in RAW_IMU
+IMU_RANGE = (0.7 * GRAVITY_MPS2, 1.3 * GRAVITY_MPS2)  # their median; PX4 may send raw counts in RAW_IMU
 ATTITUDE_AGE_NS = 100_000_000  # turned further than this, the body rates no longer say where it points
 FIX_3D = 3  # GPS_FIX_TYPE_3D_FIX
 RECEIVERS = ("GPS_RAW_INT", "GPS2_RAW")  # an autopilot with two goes on with one
@@ -125,4 +126,4 @@ def acceleration_enu(
     (sr, sp, sy), (cr, cp, cy) = np.moveaxis(np.sin(attitude), -1, 0), np.moveaxis(np.cos(attitude), -1, 0)
     level = sr * y + cr * z
     ahead, right, down = cp * x + sp * level, cr * y - sr * z, cp * level - sp * x
-    return np.stack([sy * ahead + cy * right, cy * ahead - sy * right, -(down + GRAVITY)], axis=-1)
+    return np.stack([sy * ahead + cy * right, cy * ahead - sy * right, -(down + GRAVITY_MPS2)], axis=-1)

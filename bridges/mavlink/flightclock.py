@@ -12,8 +12,11 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from gcs.contract.limits import LAST_NS
+
 MS, US, S = 1_000_000, 1_000, 1_000_000_000  # in nanoseconds
 FIRST_UNIX_US = 1_262_304_000_000_000  # 2010-01-01: an earlier SYSTEM_TIME was never set by a receiver
+LAST_UNIX_US = LAST_NS // US  # 2100: a later one is a fault, and may be no int64
 AGREE_NS = 1 * S  # SYSTEM_TIMEs of one boot this far from their median were sent before the clock was set
 RESTART_MS = 3_000  # boot time going back by more is a restart; less is two links out of step
 LEAP_MS = 10_000  # boot time leaping ahead by more, and receipt not with it, is another log appended
@@ -61,7 +64,7 @@ def restarts(boot_ms: np.ndarray, receipt_us: np.ndarray) -> tuple[np.ndarray, n
 
 def from_system_time(unix_us: np.ndarray, boot_ns: np.ndarray) -> int | None:
     """UTC minus boot time in ns from one boot's SYSTEM_TIME messages, None where none was set."""
-    is_set = unix_us >= FIRST_UNIX_US
+    is_set = (unix_us >= FIRST_UNIX_US) & (unix_us < LAST_UNIX_US)
     if not is_set.any():
         return None
     offset = unix_us[is_set].astype(np.int64) * US - boot_ns[is_set]
@@ -186,8 +189,8 @@ class LiveClock:
         return least + int(LIVE_DRIFT * (boot_ns - since_ns))
 
     def system_time(self, unix_us: int, boot_ns: int) -> None:
-        """Take in a SYSTEM_TIME: not set yet, it is passed over; set anew, it starts over."""
-        if unix_us < FIRST_UNIX_US:
+        """Take in a SYSTEM_TIME: not set yet or impossible, it is passed over; set anew, it starts over."""
+        if not FIRST_UNIX_US <= unix_us < LAST_UNIX_US:
             return
         offset = unix_us * US - boot_ns
         mean, count = self._known

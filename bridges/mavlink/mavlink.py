@@ -16,7 +16,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from bridges.mavlink import autopilot
-from bridges.mavlink.flightclock import US, LiveClock
+from bridges.mavlink.flightclock import LAST_UNIX_US, US, LiveClock
+from gcs.contract.limits import TEXT
 from gcs.contract.messages import AirData, Bad, Event, InputError, InsMeasurement
 
 if TYPE_CHECKING:  # a bridge is given its bus; zenoh is loaded by whoever opens it
@@ -65,9 +66,7 @@ class Decoder:
         """
         name = message.get_type()
         if name == "BAD_DATA":
-            self.bad += 1
-            raw = bytes(message.data[:CLIP]).hex(" ")
-            return Bad(source="ins", where=f"{self.link} #{self.bad}", reason=message.reason, raw=raw)
+            return self._refused(message.reason, bytes(message.data[:CLIP]).hex(" "))
         beats = name == "HEARTBEAT" and message.autopilot != autopilot.NO_AUTOPILOT
         if self.system_id is None and beats:
             self.system_id = message.get_srcSystem()  # the first autopilot heard
@@ -80,6 +79,8 @@ class Decoder:
             return None
         boot_ns = self._boot_ns(message, arrival_ns)
         if name == "SYSTEM_TIME":
+            if message.time_unix_usec >= LAST_UNIX_US:
+                return self._refused(f"SYSTEM_TIME says {message.time_unix_usec} µs, after the year 2099")
             self.clock.system_time(message.time_unix_usec, boot_ns)
         elif name == "ATTITUDE":
             angles = np.array([message.roll, message.pitch, message.yaw])
@@ -95,6 +96,10 @@ class Decoder:
         else:
             return self._air(name, message, arrival_ns)
         return None
+
+    def _refused(self, reason: str, raw: str = "") -> Bad:
+        self.bad += 1
+        return Bad(source="ins", where=f"{self.link} #{self.bad}", reason=reason[:TEXT], raw=raw)
 
     def _air(self, name: str, message, arrival_ns: int) -> AirData | None:
         """What concerns the air; a VFR_HUD becomes a measurement once a pitot tube is known of."""
@@ -138,7 +143,8 @@ class Decoder:
             return
         if message.fix_type >= autopilot.FIX_3D:
             self._had_fix, self._gps_alt = True, message.alt
-        separation = autopilot.geoid_separation_m(message.fix_type, message.alt, message.alt_ellipsoid)
+        ellipsoidal = getattr(message, "alt_ellipsoid", 0)  # an extension: a MAVLink 1 frame has none
+        separation = autopilot.geoid_separation_m(message.fix_type, message.alt, ellipsoidal)
         self._separation = separation if np.isfinite(separation) else self._separation
 
     def _position(self, message, t_ns: int, arrival_ns: int) -> InsMeasurement | None:

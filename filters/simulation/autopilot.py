@@ -10,10 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from filters.simulation.scenario import Truth, at, gauss_markov
+from filters.simulation.scenario import GRAVITY_MPS2, Truth, at, gauss_markov
 from filters.simulation.simulate import INS_CHANNELS, NONE, PATCH, T0_NS, Observation
-
-GRAVITY_MPS2 = 9.80665
 
 
 class Glitch(NamedTuple):

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from filters.models.rows import AZIMUTH, ROW, Sensor
+from filters.models.theodolite import EARTH_RADIUS_M, REFRACTION
 from filters.simulation.scenario import Truth, at, gauss_markov
 
 LABELS = ("none", "isolated", "patch")
@@ -19,8 +20,6 @@ NONE, ISOLATED, PATCH = range(len(LABELS))
 PATCH_KINDS = ("offset", "ramp", "frozen", "noise")
 POLAR_CHANNELS = slice(0, 4)  # of rows.CHANNELS: range azimuth elevation range_rate
 INS_CHANNELS = slice(4, 13)  # e n u ve vn vu ae an au
-EARTH_RADIUS_M = 6_371_000.0
-REFRACTION = {"none": 0.0, "optical": 0.13, "radar": 0.25}  # k: Gauss's value; 4/3 Earth, 1 − 3/4
 T0_NS = 1_767_225_600_000_000_000  # 2026-01-01, the default start of a simulated flight
 
 

@@ -199,9 +199,10 @@ class FixedLagSmoother:
     def _take(self, end: int) -> list[np.ndarray]:
         """Take the rows up to ``end``, all of one cell, at first sight; their tracks."""
         buffer, parts = self._buffer, []
+        before = int(np.searchsorted(buffer.rows.t[: buffer.done], buffer.rows.t[buffer.done] - start.TOGETHER_NS))
         start.places(
-            buffer.view(buffer.done, end), self.model.offset, self.model.rotation, self.model.is_ins,
-            self.settings.height_m, 0,
+            buffer.view(before, end), self.model.offset, self.model.rotation, self.model.is_ins,
+            self.settings.height_m, buffer.done - before,
         )  # fmt: skip
         while buffer.done < end:
             new = buffer.view(buffer.done, end)

@@ -26,7 +26,10 @@ PARALLEL = 1e-4  # squared sine of the angle between two lines of sight that do 
 
 @kernel
 def places(rows, offset, rotation, is_ins, height_m, begin):
-    """Fill ``rows.place`` from row ``begin`` on; ``height_m`` NaN: none known beforehand."""
+    """Fill ``rows.place`` from row ``begin`` on; ``height_m`` NaN: none known beforehand.
+
+    A channel that an instrument gives at another instant, or not this time, is that of up to `TOGETHER_NS` ago.
+    """
     count, k = rows.t.size, begin
     while k < count:
         end = k + 1
@@ -34,15 +37,17 @@ def places(rows, offset, rotation, is_ins, height_m, begin):
             end += 1
         s = rows.sensor[k]
         far = azimuth = elevation = math.nan
-        for i in range(k, end):
-            if rows.channel[i] == RANGE:
-                far = rows.value[i]
-            elif rows.channel[i] == AZIMUTH:
-                azimuth = rows.value[i]
-            elif rows.channel[i] == ELEVATION:
-                elevation = rows.value[i]
+        i, missing = end - 1, 7  # bits: range, azimuth, elevation
+        while i >= 0 and missing and not is_ins[s] and (i >= k or rows.t[k] - rows.t[i] <= TOGETHER_NS):
+            if rows.sensor[i] == s and rows.channel[i] == RANGE and missing & 1:
+                far, missing = rows.value[i], missing & ~1
+            elif rows.sensor[i] == s and rows.channel[i] == AZIMUTH and missing & 2:
+                azimuth, missing = rows.value[i], missing & ~2
+            elif rows.sensor[i] == s and rows.channel[i] == ELEVATION and missing & 4:
+                elevation, missing = rows.value[i], missing & ~4
+            i -= 1
         if not is_ins[s]:
-            if elevation != elevation and far > 0.0 and height_m == height_m:
+            if missing & 4 and not missing & 1 and height_m == height_m:
                 elevation = math.asin(max(-1.0, min(1.0, (height_m - offset[s, 2]) / far)))
             flat = far * math.cos(elevation)
             a, b, c = flat * math.sin(azimuth), flat * math.cos(azimuth), far * math.sin(elevation)

@@ -1,6 +1,7 @@
 """Checks before a flight: one line each, what is wrong and what to do."""
 
 import importlib.metadata
+import json
 import shutil
 import socket
 import sys
@@ -20,7 +21,7 @@ ROOM_GB = 1.0  # an hour of flight with four sensors at 20 Hz writes a tenth of 
 
 
 def command(*, station: StationFile = None, config: Config = ()) -> None:
-    """Check Python, packages, station file, ports, router and clock before a flight."""
+    """Check Python, packages, station file, ports, router and clock before a flight; list every setting."""
     sys.exit(0 if run(station, config) else 1)
 
 
@@ -31,7 +32,20 @@ def run(station_file: Path | None, overrides: tuple[str, ...]) -> bool:
         passed &= ok
         mark = Text("ok  ", style="green") if ok else Text("FAIL", style="bold red")
         screen.print(mark, Text(f"{what:<14}{finding}"), soft_wrap=True)
+    _print_settings(station_file, overrides)
     return passed
+
+
+def _print_settings(station_file: Path | None, overrides: tuple[str, ...]) -> None:
+    """Every resolved setting, with where it comes from."""
+    try:
+        settings = configuration.resolved(station_file, overrides)
+    except InputError:
+        return  # said among the checks
+    width = max(len(setting.name) for setting in settings)
+    for name, value, source in settings:
+        shown = "left out" if value is None else json.dumps(value)
+        screen.print(Text(f"{name:<{width}}  {shown:<24}  {source}"), soft_wrap=True)
 
 
 def _checks(station_file: Path | None, overrides: tuple[str, ...]) -> Iterator[tuple[bool, str, str]]:

@@ -2,12 +2,16 @@
 
 import os
 import signal
+import tempfile
 import threading
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
+
+from gcs.contract.limits import FASTEST, LONGEST_S
+from gcs.contract.messages import InputError
 
 StationFile = Annotated[
     Path | None, Parameter(help="station.toml; needed as soon as there are ground sensors")
@@ -40,3 +44,33 @@ def stopped() -> threading.Event:
     stop = threading.Event()
     on_signal(stop.set)
     return stop
+
+
+def speed_of(text: str) -> float:
+    """Times real time; ``max`` is as fast as the machine goes. Raises ``InputError``."""
+    try:
+        speed = float("inf") if text == "max" else float(text)
+    except ValueError:
+        speed = 0.0
+    if text != "max" and not 0 < speed <= FASTEST:
+        raise InputError(f"--speed {text}: expected a number above 0 up to {FASTEST:g}, or max")
+    return speed
+
+
+def seconds_of(seconds: float | None) -> float | None:
+    """How long to run; None: until stopped. Raises ``InputError``."""
+    if seconds is not None and not 0 < seconds <= LONGEST_S:
+        raise InputError(f"--seconds {seconds:g}: expected a number above 0 up to {LONGEST_S:g}")
+    return seconds
+
+
+def writable(folder: Path) -> Path:
+    """The folder, made if need be, once a file could be written in it. Raises ``InputError``."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except (OSError, ValueError) as error:
+        why = getattr(error, "strerror", None) or error
+        raise InputError(f"--out {folder}: {why}; name a folder that can be written") from None
+    return folder

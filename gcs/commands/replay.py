@@ -8,7 +8,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from gcs.commands.compose import new_session, open_bus, open_view, targets
-from gcs.commands.options import Config, Correction, Feeds, StationFile, on_signal
+from gcs.commands.options import Config, Correction, Feeds, StationFile, on_signal, speed_of, writable
 from gcs.contract import config as configuration
 from gcs.contract.messages import InputError
 from gcs.learning.network import correction_of
@@ -20,7 +20,7 @@ from gcs.station.session import Session
 
 
 def command(
-    flight: Path,
+    flight: Annotated[Path | None, Parameter(help="the log; left out: the feeds alone")] = None,
     *,
     station: StationFile = None,
     feed: Feeds = (),
@@ -34,11 +34,15 @@ def command(
     correction: Correction = "off",
     config: Config = (),
 ) -> None:
-    """After the flight: a tlog and ground-sensor feeds in, trajectory and verdicts out."""
+    """After the flight: a tlog, ground-sensor feeds or both in, trajectory and verdicts out."""
+    pace = speed_of(speed)
     resolved, learned = configuration.load(station, config), correction_of(correction)
+    if out:
+        writable(out)
     loaded = driver.load(flight, resolved, _feed_paths(feed))
-    folder = out or Path("logs/runs") / stamp(loaded.start_ns)
-    playback = driver.Playback(loaded.start_ns, loaded.end_ns, _speed(speed))
+    folder = writable(out or Path("logs/runs") / stamp(loaded.start_ns))
+    heard = driver.heard(resolved, loaded.feeds)
+    playback = driver.Playback(loaded.start_ns, loaded.end_ns, pace)
     with ExitStack() as stack:
         bus = stack.enter_context(open_bus(resolved)) if publish else None
         shown = open_view(resolved, loaded.frame, playback) if view else None
@@ -49,7 +53,7 @@ def command(
         def session() -> Session:
             if shown:
                 shown.clear()
-            return new_session(resolved, loaded.frame, folder, method, targets(bus, shown), Files(), learned)
+            return new_session(heard, loaded.frame, folder, method, targets(bus, shown), Files(), learned)
 
         on_signal(playback.stop)
         summary = driver.run(loaded, session, playback, stay=view)
@@ -69,13 +73,3 @@ def _feed_paths(feeds: tuple[str, ...]) -> dict[str, Path]:
             raise InputError(f"--feed {item}: {name} already has a feed")
         paths[name] = Path(path)
     return paths
-
-
-def _speed(text: str) -> float:
-    try:
-        speed = float("inf") if text == "max" else float(text)
-    except ValueError:
-        speed = 0.0
-    if not speed > 0:
-        raise InputError(f"--speed {text}: expected a positive number, or max")
-    return speed

@@ -10,7 +10,7 @@ from gcs.commands.options import Config
 from gcs.contract import config as configuration
 from gcs.learning import training
 from gcs.outputs.console import say
-from gcs.station.session import settings_of
+from gcs.station.intake import settings_of
 
 
 def command(

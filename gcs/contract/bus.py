@@ -29,9 +29,10 @@ import msgspec
 import zenoh
 from zenoh import ext
 
+from gcs.contract.config import BusSection
 from gcs.contract.messages import ANY, JSON, Bad, InputError, decode, encode
 
-ENDPOINT = "tcp/127.0.0.1:7447"
+ENDPOINT = BusSection().endpoint
 KEEP = 2_000  # samples each key keeps for late joiners and recovery: 20 s at 100 Hz
 HEARTBEAT_S = 0.2  # a publisher tells its last number this often, so that a lost last sample is noticed
 LEASE_MS = 2_000  # a peer that says nothing for so long is gone: hung processes show within about 2 s

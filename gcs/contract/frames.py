@@ -36,6 +36,11 @@ class Frame(NamedTuple):
         here, there = ecef_to_enu(self.lat_deg, self.lon_deg), ecef_to_enu(position.lat_deg, position.lon_deg)
         return offset, there @ here.T
 
+    def place_sensor(self, sensor: SensorSection) -> tuple[np.ndarray, np.ndarray]:
+        """`place` of an instrument as it is mounted: it may lean, and its azimuth begin elsewhere."""
+        offset, rotation = self.place(sensor.position)
+        return offset, mount(sensor.tilt_deg.east, sensor.tilt_deg.north, sensor.orientation_deg) @ rotation
+
 
 def ecef_to_enu(lat_deg: float, lon_deg: float) -> np.ndarray:
     """(3, 3) rotation from Earth-centred Earth-fixed to local ENU (Groves 2013, eq. 2.150, rows E N U)."""
@@ -47,6 +52,21 @@ def ecef_to_enu(lat_deg: float, lon_deg: float) -> np.ndarray:
             [np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)],
         ]
     )
+
+
+def mount(east_deg: float, north_deg: float, orientation_deg: float) -> np.ndarray:
+    """(3, 3) rotation from level, north-oriented ENU at an instrument to the frame of its own axes.
+
+    Its vertical axis leans by ``east_deg`` towards east and by ``north_deg`` towards north, in one turn about
+    a horizontal axis: a target in the direction of the lean reads higher by as much. It reads azimuth zero
+    towards the azimuth ``orientation_deg``. Rodrigues' formula: Goldstein, *Classical Mechanics*, 4.62.
+    """
+    lean = np.radians(np.hypot(east_deg, north_deg))
+    e, n = np.array([east_deg, north_deg]) / (np.hypot(east_deg, north_deg) or 1.0)
+    axis = np.array([[0.0, 0.0, e], [0.0, 0.0, n], [-e, -n, 0.0]])  # × of (−n, e, 0): turns up towards (e, n)
+    leaning = np.eye(3) + np.sin(lean) * axis + (1.0 - np.cos(lean)) * axis @ axis  # columns: its axes in ENU
+    c, s = np.cos(np.radians(orientation_deg)), np.sin(np.radians(orientation_deg))
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]) @ leaning.T
 
 
 def polar_to_enu(
@@ -68,7 +88,7 @@ def scene(station: Station, frame: Frame) -> Scene:
     """What stands still, for the views."""
 
     def instrument(sensor: SensorSection) -> Instrument:
-        offset, _ = frame.place(sensor.position)
+        offset, _ = frame.place_sensor(sensor)
         return Instrument(name=sensor.name, kind=sensor.kind, position_enu_m=tuple(offset.tolist()))
 
     return Scene(

@@ -7,16 +7,23 @@ Every float that a source may leave out is ``float | None`` on the wire and NaN 
 """
 
 from collections.abc import Iterable
+from typing import Annotated
 
 import msgspec
 import numpy as np
+
+from gcs.contract.limits import WIRE_NS
 
 INSTRUMENT_CHANNELS = ("range", "azimuth", "elevation", "range_rate")
 INS_CHANNELS = ("e", "n", "u", "ve", "vn", "vu", "ae", "an", "au")
 CHANNELS = INSTRUMENT_CHANNELS + INS_CHANNELS
 VERDICTS = ("used", "deweighted", "isolated", "patch", "invalid", "duplicate", "late")
+GRAVITY_MPS2 = 9.80665  # standard gravity, what is taken off a specific force
 JSON = "application/json"
 MSGPACK = "application/msgpack"
+
+
+TimeNs = Annotated[int, msgspec.Meta(ge=-WIRE_NS, le=WIRE_NS)]  # what is beyond is refused when decoded
 
 
 class InputError(ValueError):
@@ -30,8 +37,8 @@ class _Message(msgspec.Struct, frozen=True, kw_only=True, tag_field="type"):
 class InsMeasurement(_Message, frozen=True, kw_only=True):
     """What the aircraft says about itself. Position, velocity and acceleration may come apart."""
 
-    t_ns: int
-    arrival_ns: int
+    t_ns: TimeNs
+    arrival_ns: TimeNs
     lat_deg: float | None = None
     lon_deg: float | None = None
     alt_msl_m: float | None = None  # as the receiver defines mean sea level
@@ -48,19 +55,23 @@ class InsMeasurement(_Message, frozen=True, kw_only=True):
 class PolarMeasurement(_Message, frozen=True, kw_only=True):
     """What a theodolite or a radar saw, in its own local ENU frame."""
 
-    t_ns: int
-    arrival_ns: int
+    t_ns: TimeNs
+    arrival_ns: TimeNs
     range_m: float | None = None
     azimuth_deg: float | None = None  # clockwise from true north
     elevation_deg: float | None = None  # up from the local horizontal
     range_rate_mps: float | None = None  # positive when going away
+    sigma_range_m: float | None = None  # 1-sigma noise of this one value; None: the station file's
+    sigma_azimuth_deg: float | None = None
+    sigma_elevation_deg: float | None = None
+    sigma_range_rate_mps: float | None = None
 
 
 class AirData(_Message, frozen=True, kw_only=True):
     """How the aircraft moves through the air, by its own sensors."""
 
-    t_ns: int
-    arrival_ns: int
+    t_ns: TimeNs
+    arrival_ns: TimeNs
     airspeed_mps: float  # calibrated: what the pitot tube would say at sea level
     alt_msl_m: float
     roll_deg: float
@@ -78,13 +89,13 @@ class Bad(_Message, frozen=True, kw_only=True):
     where: str  # "theo-north.csv:17", "udp 127.0.0.1:9001 #3", "byte 4711"
     reason: str
     raw: str = ""  # the input itself, clipped
-    t_ns: int | None = None  # when it says so itself
+    t_ns: TimeNs | None = None  # when it says so itself
 
 
 class State(_Message, frozen=True, kw_only=True):
     """The cleaned state. On ``state`` as known now, on ``smoothed`` a window later with decisions final."""
 
-    t_ns: int
+    t_ns: TimeNs
     seq: int  # counts from 0 on each key
     lat_deg: float
     lon_deg: float
@@ -104,7 +115,7 @@ class State(_Message, frozen=True, kw_only=True):
 class Verdict(_Message, frozen=True, kw_only=True):
     """What was done with one row, and why. A later message with the same row replaces it."""
 
-    t_ns: int
+    t_ns: TimeNs
     sensor: str
     channel: str
     value: float | None  # units of the input
@@ -120,7 +131,7 @@ class Verdict(_Message, frozen=True, kw_only=True):
 class Wind(_Message, frozen=True, kw_only=True):
     """The mean wind out of air data and the cleaned velocity, once a second while positions come."""
 
-    t_ns: int
+    t_ns: TimeNs
     speed_mps: float
     from_deg: float  # where it blows from, clockwise from true north
     e_mps: float  # where the air goes
@@ -147,7 +158,7 @@ class SensorHealth(msgspec.Struct, frozen=True, kw_only=True):
 class Health(_Message, frozen=True, kw_only=True):
     """Published once a second."""
 
-    t_ns: int
+    t_ns: TimeNs
     sensors: dict[str, SensorHealth]
     queue_age_s: float = 0.0  # how long the oldest measurement waits to be taken in
 
@@ -155,7 +166,7 @@ class Health(_Message, frozen=True, kw_only=True):
 class Event(_Message, frozen=True, kw_only=True):
     """Something an operator wants to know: start, end, reset, sensor lost, sensor back."""
 
-    t_ns: int
+    t_ns: TimeNs
     level: str  # info | warning | error
     text: str
 

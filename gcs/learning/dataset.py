@@ -20,19 +20,14 @@ from filters.smoother.estimator import Settings
 from gcs.contract import config
 from gcs.contract.frames import Frame
 from gcs.contract.messages import CHANNELS, InputError
-from gcs.station.intake import sensors_of
+from gcs.station.intake import ins_sigma, sensors_of
 from gcs.station.ledger import ANGLES
 
 SETTLE_S = 5.0  # a filter that has just started is no example
 SECONDS = 60.0  # of a simulated flight
 RATE_HZ = 100.0  # of its truth
-INS_SIGMA = np.repeat([0.3, 0.2, 1.5], 3)  # m, m/s, m/s²: the station file's defaults
-INS_SIGMA[2] = 0.5
-ESTIMATOR = (
-    "models",
-    "smoother",
-    "simulation",
-)  # of filters: what a flight teaches follows from them
+ESTIMATOR = "models", "smoother", "simulation"  # of filters: what a flight teaches follows from them
+INS_SIGMA = ins_sigma(config.InsSection())  # the station file's defaults
 AROUND_M = (150.0, 2500.0)  # horizontal distance of instruments from the origin
 
 
@@ -144,7 +139,8 @@ def from_run(folder: Path, settings: Settings) -> Flown:
     t_ns, position = _read_truth(folder / "truth.csv", frame)
     truth = scenario.track((t_ns - t_ns[0]) * 1e-9, position)
     sensors = sensors_of(station, frame)
-    latency_s = {"ins": station.ins.latency_s} | {s.name: s.latency_s for s in station.sensor}
+    latency_s = {"ins": dict.fromkeys(CHANNELS, station.ins.latency_s)}
+    latency_s |= {s.name: s.latency_by_channel for s in station.sensor}
     rows = _read_rows(folder / "verdicts.csv", [(s.name, latency_s[s.name]) for s in sensors])
     return fly(folder.name, sensors, rows, truth, int(t_ns[0]), settings)
 
@@ -164,9 +160,9 @@ def _read_truth(path: Path, frame: Frame) -> tuple[np.ndarray, np.ndarray]:
     return t_ns, frame.to_enu(*np.array([line[1:] for line in lines]).T)
 
 
-def _read_rows(path: Path, sensors: list[tuple[str, float]]) -> np.ndarray:
-    """Everything measured, (n,) ROW in order of time; ``sensors`` are names with their known latency in s."""
-    place = {name: (index, round(late_s * 1e9)) for index, (name, late_s) in enumerate(sensors)}
+def _read_rows(path: Path, sensors: list[tuple[str, dict[str, float]]]) -> np.ndarray:
+    """Everything measured, (n,) ROW in order of time; ``sensors``: names, known latency in s by channel."""
+    place = {name: (index, late_s) for index, (name, late_s) in enumerate(sensors)}
     with path.open(newline="", encoding="utf-8") as file:
         lines = [
             line
@@ -175,11 +171,11 @@ def _read_rows(path: Path, sensors: list[tuple[str, float]]) -> np.ndarray:
         ]
     rows = np.zeros(len(lines), ROW)
     for row, line in zip(rows, lines, strict=True):
-        sensor, late_ns = place[line["sensor"]]
+        sensor, late_s = place[line["sensor"]]
         channel = CHANNELS.index(line["channel"])
         value = np.radians(float(line["value"])) if ANGLES[channel] else float(line["value"])
         row["t_ns"], row["sensor"], row["channel"], row["value"] = (
-            int(line["t_ns"]) - late_ns,
+            int(line["t_ns"]) - round(1e9 * late_s[line["channel"]]),
             sensor,
             channel,
             value,

@@ -21,7 +21,6 @@ from filters.smoother.estimator import Settings
 from gcs.contract.messages import InputError
 from gcs.learning import dataset, network
 from gcs.learning.dataset import Flown
-from gcs.station.session import as_json
 
 FIRST_FLIGHT = 1000  # times seed + 1: no two seeds fly the same
 EVERY = 5  # of five flights three are for the fit, one checks, one is held out
@@ -67,7 +66,7 @@ def run(
     net = learn(split, plan)
     held_out = [effect(net, flown) for flown in split.held_out]
     report: dict[str, Any] = {
-        "training": plan._asdict() | {"filter": as_json(settings), "flights": flights},
+        "training": plan._asdict() | {"filter": {name: None if value != value else value for name, value in settings._asdict().items()}, "flights": flights},
         "data": {name: [flown.name for flown in part] for name, part in split._asdict().items()},
         "network": {"limit": net.limit.round(3).tolist(), "gain": net.gain.round(3).tolist()},
         "held_out": held_out,

@@ -5,23 +5,16 @@ from typing import NamedTuple
 import numpy as np
 
 from filters.models.rows import ROW, Sensor
-from gcs.contract.config import Station
+from filters.smoother.estimator import Settings
+from gcs.contract import limits
+from gcs.contract.config import InsSection, Station
 from gcs.contract.frames import Frame, polar_to_enu
 from gcs.contract.messages import CHANNELS, Bad
 from gcs.station.ledger import ANGLES, ENTRY, NO_TIME, PENDING, Ledger
 
 POLAR_FIELDS = ("range_m", "azimuth_deg", "elevation_deg", "range_rate_mps")
-# No aircraft we serve leaves these; beyond them a number is a fault of the feed, not a measurement.
-LIMITS = {
-    "range": (0.0, 1e6),
-    "azimuth": (-360.0, 720.0),
-    "elevation": (-90.0, 90.0),
-    "range_rate": (-3e3, 3e3),
-    **dict.fromkeys(("e", "n", "u"), (-1e6, 1e6)),
-    **dict.fromkeys(("ve", "vn", "vu"), (-3e3, 3e3)),
-    **dict.fromkeys(("ae", "an", "au"), (-1e3, 1e3)),
-}
-LOW, HIGH = np.array([LIMITS[name] for name in CHANNELS]).T
+LOW, HIGH = np.array([limits.CHANNEL[name] for name in CHANNELS]).T
+FINEST, COARSEST = np.array([limits.SIGMA[name] for name in POLAR_FIELDS]).T
 
 
 class Batch(NamedTuple):
@@ -30,6 +23,7 @@ class Batch(NamedTuple):
     entries: np.ndarray
     valid_ns: np.ndarray
     complaints: np.ndarray  # (n,) int, index into Ledger.reasons; 0 where there is nothing wrong
+    sigma: np.ndarray  # (n,) its own 1-sigma noise, units of the input; 0: the sensor's
 
 
 def merge(batches: list[Batch]) -> Batch:
@@ -37,31 +31,41 @@ def merge(batches: list[Batch]) -> Batch:
     first = np.cumsum([0] + [int(b.entries["measurement"].max(initial=-1)) + 1 for b in batches])
     for batch, offset in zip(batches, first, strict=False):
         batch.entries["measurement"] += offset
-    entries, valid_ns, complaints = (np.concatenate(column) for column in zip(*batches, strict=True))
-    order = np.argsort(valid_ns, kind="stable")
-    return Batch(entries[order], valid_ns[order], complaints[order])
+    whole = Batch(*(np.concatenate(column) for column in zip(*batches, strict=True)))
+    order = np.argsort(whole.valid_ns, kind="stable")
+    return Batch(*(column[order] for column in whole))
 
 
 def sensors_of(station: Station, frame: Frame) -> list[Sensor]:
     """The estimator's sensors: the INS first, then the instruments in the order of the station file."""
-    ins_sigma = np.full(len(CHANNELS), np.nan)
-    noise = station.ins
-    ins_sigma[CHANNELS.index("e") :] = np.repeat(
-        [noise.position_m, noise.velocity_mps, noise.acceleration_mps2], 3
-    )
-    ins_sigma[CHANNELS.index("u")] = noise.height_m
-    sensors = [Sensor("ins", "ins", ins_sigma)]
+    sensors = [Sensor("ins", "ins", np.r_[np.full(len(POLAR_FIELDS), np.nan), ins_sigma(station.ins)])]
     for sensor in station.sensor:
         sigma = np.full(len(CHANNELS), np.nan)
         for channel, value in sensor.sigma_by_channel.items():
             index = CHANNELS.index(channel)
             sigma[index] = np.radians(value) if ANGLES[index] else value
-        offset, rotation = frame.place(sensor.position)
+        offset, rotation = frame.place_sensor(sensor)
         prior = sensor.prior
         zero_sigma = prior.range_m, np.radians(prior.azimuth_deg), np.radians(prior.elevation_deg)
         about = sensor.refraction, tuple(sensor.estimate), zero_sigma, prior.clock_s
         sensors.append(Sensor(sensor.name, sensor.kind, sigma, offset, rotation, *about))
     return sensors
+
+
+def ins_sigma(noise: InsSection) -> np.ndarray:
+    """(9,) 1-sigma noise of the INS channels: m, m/s, m/s²."""
+    sigma = np.repeat([noise.position_m, noise.velocity_mps, noise.acceleration_mps2], 3)
+    sigma[2] = noise.height_m
+    return sigma
+
+
+def settings_of(station: Station, frame: Frame | None = None) -> Settings:
+    """The estimator's settings as the station file has them; without ``frame`` no height is known before."""
+    named = {name: getattr(station.filter, name) for name in station.filter.__struct_fields__}
+    height = station.vehicle.height_m
+    if height and frame:
+        named |= {"height_m": height.mean - frame.alt_m, "height_sigma_m": height.sigma}
+    return Settings(**named)
 
 
 class Intake:
@@ -72,19 +76,29 @@ class Intake:
         self.frame = frame
         self.ledger = ledger
         self.names = ledger.sensors
-        self._place = {s.name: frame.place(s.position) for s in station.sensor}
-        self._latency_ns = {s.name: round(s.latency_s * 1e9) for s in station.sensor}
-        self._latency_ns["ins"] = round(station.ins.latency_s * 1e9)
+        self._place = {s.name: frame.place_sensor(s) for s in station.sensor}
+        known = {"ins": dict.fromkeys(CHANNELS, station.ins.latency_s)}
+        known |= {s.name: s.latency_by_channel for s in station.sensor}
+        self._latency_ns = {  # by channel
+            name: np.array([round(1e9 * late.get(channel, 0.0)) for channel in CHANNELS])
+            for name, late in known.items()
+        }
         self.separation_source = "unknown" if station.ins.geoid_separation_m is None else "station file"
 
     def polar(self, name: str, measured: np.ndarray) -> Batch:
-        """(n,) POLAR of one instrument."""
+        """(n,) POLAR of one instrument; a value whose own noise cannot be is complained of."""
         values = np.stack([measured[field] for field in POLAR_FIELDS], axis=1)
+        sigmas = np.nan_to_num(np.stack([measured[f"sigma_{field}"] for field in POLAR_FIELDS], axis=1))
         offset, rotation = self._place[name]
         position = polar_to_enu(
             values[:, 0], np.radians(values[:, 1]), np.radians(values[:, 2]), offset, rotation
         )
-        return self._batch(name, measured["t_ns"], values, CHANNELS.index("range"), position)
+        batch = self._batch(name, measured["t_ns"], values, CHANNELS.index("range"), position)
+        channel = batch.entries["channel"]
+        own = sigmas[batch.entries["measurement"], channel]
+        wrong = (own != 0.0) & ~((FINEST[channel] <= own) & (own <= COARSEST[channel]))
+        batch.complaints[wrong] = self.ledger.reason("its own sigma cannot be")
+        return batch._replace(sigma=np.where(wrong, 0.0, own))
 
     def ins(self, measured: np.ndarray) -> Batch:
         """(n,) INS: heights become ellipsoidal, everything station ENU. What was guessed is complained of."""
@@ -111,11 +125,14 @@ class Intake:
         entries["sensor"] = self.names.index(name)
         entries["channel"] = -1
         entries["measurement"] = np.arange(len(bads))
-        entries["t_ns"] = [NO_TIME if bad.t_ns is None else bad.t_ns for bad in bads]
+        entries["t_ns"] = [
+            NO_TIME if bad.t_ns is None or abs(bad.t_ns) > limits.WIRE_NS else bad.t_ns for bad in bads
+        ]
         for field in ("value", "position_m", "predicted", "sigma"):
             entries[field] = np.nan
-        complaints = [self.ledger.reason(f"{bad.where}: {bad.reason}") for bad in bads]
-        return Batch(entries, entries["t_ns"].copy(), np.array(complaints, dtype=np.int32))
+        texts = [" ".join(f"{bad.where}: {bad.reason[: limits.TEXT]}"[: limits.TEXT].split()) for bad in bads]
+        complaints = np.array([self.ledger.reason(text) for text in texts], dtype=np.int32)
+        return Batch(entries, entries["t_ns"].copy(), complaints, np.zeros(len(bads)))
 
     def enter(self, batch: Batch) -> tuple[np.ndarray, np.ndarray]:
         """Number the values and judge the impossible. Returns the good (g,) ROW and the ids (b,) judged."""
@@ -125,7 +142,8 @@ class Intake:
         rows = np.zeros(len(entries), dtype=ROW)
         rows["id"], rows["t_ns"] = ids[good], batch.valid_ns[good]
         rows["sensor"], rows["channel"] = entries["sensor"], entries["channel"]
-        rows["value"] = np.where(ANGLES[entries["channel"]], np.radians(entries["value"]), entries["value"])
+        for field, given in (("value", entries["value"]), ("sigma", batch.sigma[good])):
+            rows[field] = np.where(ANGLES[entries["channel"]], np.radians(given), given)
         return rows, self.ledger.dismiss(ids[~good], "invalid", batch.complaints[~good])
 
     def _batch(
@@ -144,7 +162,8 @@ class Intake:
         low, high = LOW[entries["channel"]], HIGH[entries["channel"]]
         impossible = ~((low <= entries["value"]) & (entries["value"] <= high))
         complaints = np.where(impossible, self.ledger.reason("no target can be there"), 0)
-        return Batch(entries, entries["t_ns"] - self._latency_ns[name], complaints)
+        valid_ns = entries["t_ns"] - self._latency_ns[name][entries["channel"]]
+        return Batch(entries, valid_ns, complaints, np.zeros(len(entries)))
 
     def _separation(self, measured: np.ndarray) -> np.ndarray:
         """Ellipsoidal minus mean-sea-level height in m, (n,): the station's, the receiver's own, else 0."""

@@ -1,11 +1,12 @@
-"""After the flight: a tlog and the feed files through the same session, on the flight's own clock."""
+"""After the flight: a tlog, feed files or both through the same session, on the flight's own clock."""
 
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Container, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
+import msgspec
 import numpy as np
 
 from bridges import radar, theodolite
@@ -13,7 +14,7 @@ from bridges.tlog import flight as tlog_flight
 from bridges.tlog import tlog
 from gcs.contract.config import Station
 from gcs.contract.frames import Frame
-from gcs.contract.messages import InputError
+from gcs.contract.messages import AIR, INS, InputError
 from gcs.station.intake import Batch, Intake, merge
 from gcs.station.session import Session
 
@@ -36,14 +37,19 @@ class MeasuredFlight(NamedTuple):
     end_ns: int
 
 
-def load(log: Path, station: Station, feeds: dict[str, Path]) -> MeasuredFlight:
-    """Read a flight. Raises ``InputError`` with one line that says which file, where and what to do."""
+def load(log: Path | None, station: Station, feeds: dict[str, Path]) -> MeasuredFlight:
+    """Read a flight; without a ``log`` the feeds alone are one.
+
+    Raises ``InputError`` with one line that says which file, where and what to do.
+    """
     kinds = {sensor.name: sensor.kind for sensor in station.sensor}
     for name in feeds:
         if name not in kinds:
             raise InputError(
                 f"--feed {name}: the station has no sensor of that name; it has {', '.join(kinds) or 'none'}"
             )
+    if log is None:
+        return _feeds_alone(station, kinds, feeds)
     own = tlog_flight.flight(tlog.read(log), station.vehicle.system_id)
     ins = own.rows
     measured = {name: READ_FEED[kinds[name]](path, name) for name, path in feeds.items()}
@@ -54,8 +60,30 @@ def load(log: Path, station: Station, feeds: dict[str, Path]) -> MeasuredFlight:
     seen = np.column_stack([where["t_ns"] / 1e9, position])
     for sensor in station.sensor:
         if sensor.name in measured and len(measured[sensor.name][0]):
-            _check_feed(feeds[sensor.name], measured[sensor.name][0], seen, frame.place(sensor.position))
+            _check_feed(feeds[sensor.name], measured[sensor.name][0], seen, frame.place_sensor(sensor))
     return MeasuredFlight(frame, ins, own.air, measured, {"log": own.report}, start_ns, end_ns)
+
+
+def _feeds_alone(station: Station, kinds: Mapping[str, str], feeds: dict[str, Path]) -> MeasuredFlight:
+    """A flight that only the ground has seen: no INS, no air data, the station's own origin."""
+    if not feeds:
+        raise InputError("nothing to replay: name a flight log, or --feed NAME=FILE.csv")
+    origin = station.range.origin
+    if origin is None:
+        raise InputError("feeds alone need [range] origin in the station file: no aircraft says where it is")
+    measured = {name: READ_FEED[kinds[name]](path, name) for name, path in feeds.items()}
+    times = np.concatenate([rows["t_ns"] for rows, _ in measured.values()])
+    if not len(times):
+        raise InputError(f"{', '.join(map(str, feeds.values()))}: not one line can be used")
+    frame, about = Frame(origin.lat_deg, origin.lon_deg, origin.alt_m), {"log": None}
+    return MeasuredFlight(
+        frame, np.empty(0, INS), np.empty(0, AIR), measured, about, int(times.min()), int(times.max())
+    )
+
+
+def heard(station: Station, feeds: Container[str]) -> Station:
+    """The station with the instruments that have a feed: one that is silent has no vote in the estimator."""
+    return msgspec.structs.replace(station, sensor=[s for s in station.sensor if s.name in feeds])
 
 
 def batch(flight: MeasuredFlight, intake: Intake) -> Batch:

@@ -19,7 +19,7 @@ from gcs.contract.frames import Frame
 from gcs.contract.messages import Event, InputError, Wind
 from gcs.station.air import Air
 from gcs.station.align import Align
-from gcs.station.intake import Batch, Intake, sensors_of
+from gcs.station.intake import Batch, Intake, sensors_of, settings_of
 from gcs.station.ledger import Ledger
 
 FOREVER_NS = np.iinfo(np.int64).max
@@ -60,12 +60,12 @@ class Session:
         self.ledger = Ledger([sensor.name for sensor in self.sensors], status.REASONS)
         self.intake = Intake(station, frame, self.ledger)
         self.align = Align(station.align.hold_s)
-        settings = settings_of(station)
+        settings = settings_of(station, frame)
         self.estimator = _make_estimator(method, self.sensors, settings, correction)
         self._settings = {
             "method": method,
             "learned_correction": correction is not off,
-            "filter": as_json(settings),
+            "filter": {name: None if value != value else value for name, value in settings._asdict().items()},
             "station": msgspec.to_builtins(station),
         }
         self.witness = Witness(self.sensors) if station.screening.on else Nobody()
@@ -143,21 +143,6 @@ def pace(times: list[np.ndarray]) -> dict:
     usual_s = float(np.median(step_s))
     gaps = step_s[step_s > max(GAP * usual_s, GAP_S)]
     return {"rate_hz": 1.0 / usual_s, "gaps": len(gaps), "longest_gap_s": float(step_s.max())}
-
-
-def settings_of(station: Station) -> estimator.Settings:
-    """The filter's settings as the station file has them. Raises InputError for a name that is none."""
-    try:
-        return estimator.Settings(**station.filter)  # type: ignore[arg-type]
-    except TypeError:
-        valid = estimator.Settings._fields
-        unknown = ", ".join(sorted(set(station.filter) - set(valid)))
-        raise InputError(f"[filter]: unknown name {unknown}; valid names are {', '.join(valid)}") from None
-
-
-def as_json(settings: estimator.Settings) -> dict[str, float | None]:
-    """The filter's settings by name; None is what is not known."""
-    return {name: None if np.isnan(value) else value for name, value in settings._asdict().items()}
 
 
 def _make_estimator(method: str, sensors: list, settings: estimator.Settings, correction: Callable):

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from bridges import feed
+from gcs.contract import limits
 from gcs.contract.messages import POLAR, Bad, PolarMeasurement
 
 HEADER = "t,range_m,azimuth_deg,elevation_deg\n"
@@ -55,7 +56,7 @@ def test_time(text, expected):
 def test_time_agrees_with_exact_fractions():
     draw = random.Random(1)
     for _ in range(2000):
-        t_ns = draw.randrange(feed.FIRST_NS, feed.LAST_NS)
+        t_ns = draw.randrange(limits.FIRST_NS, limits.LAST_NS)
         text = f"{t_ns // 10**9}.{t_ns % 10**9:09d}"
         assert feed.time_ns(text) == int(Fraction(text) * 10**9) == t_ns
 
@@ -213,3 +214,41 @@ def test_one_bad_channel_of_a_datagram():
     assert (good.range_m, good.azimuth_deg) == (None, 12.5)
     assert bad.reason.startswith("range_m: '1e300'")
     assert bad.t_ns == 1_767_225_600 * 10**9
+
+
+def test_a_row_states_its_own_noise(tmp_path):
+    rows, bad = read(
+        tmp_path,
+        f"{1767225600.126236328},812.4,12.5,0.25,\n",
+        "t,range_m,azimuth_deg,sigma_range_m,sigma_azimuth_deg\n",
+    )
+    assert not bad
+    assert (rows["sigma_range_m"][0], rows["range_m"][0]) == (0.25, 812.4)
+    assert np.isnan(rows["sigma_azimuth_deg"][0])
+    assert np.isnan(rows["sigma_elevation_deg"][0])
+    (live,) = decode(b'{"t": 1767225600.126236328, "range_m": 812.4, "sigma_range_m": 0.25}')
+    assert live == PolarMeasurement(t_ns=T, arrival_ns=7, range_m=812.4, sigma_range_m=0.25)
+
+
+@pytest.mark.parametrize("sigma", ["0", "-1", "inf", "1e-300", "wide"])
+def test_a_value_whose_noise_cannot_be_is_refused_alone(tmp_path, sigma):
+    rows, (bad,) = read(
+        tmp_path, f"{1767225600.126236328},812.4,12.5,{sigma}\n", "t,range_m,azimuth_deg,sigma_range_m\n"
+    )
+    assert np.isnan(rows["range_m"][0])
+    assert rows["azimuth_deg"][0] == 12.5
+    assert bad.reason == f"sigma_range_m: {sigma!r} is no number from 1e-06 to 1000, so range_m is refused"
+
+
+@pytest.mark.parametrize("t", ["9223372036854775808", "1e400", "99999999999999999999999", "-1"])
+def test_a_time_beyond_all_integers_is_a_reason(t):
+    (bad,) = decode(b'{"t": %s, "range_m": 1.0}' % t.encode())
+    assert "neither Unix seconds nor ISO 8601" in bad.reason
+
+
+def test_a_line_of_twenty_megabytes_travels_clipped(tmp_path):
+    huge = "9" * 20_000_000
+    rows, (bad,) = read(tmp_path, f"{1767225600.126236328},{huge},12.5\n", "t,range_m,azimuth_deg\n")
+    assert rows["azimuth_deg"][0] == 12.5
+    assert len(bad.raw) <= limits.TEXT
+    assert len(bad.reason) <= limits.TEXT

@@ -106,3 +106,14 @@ def test_stop_ends_play(late_file):
     stop.set()
     feed.run(bus, "theo", late_file, stop)
     assert not bus.sent
+
+
+@pytest.mark.parametrize("speed", [0.0, -1.0, math.nan, 1e300])
+def test_a_speed_that_cannot_be_is_refused(speed):
+    with pytest.raises(feed.FeedError, match="--speed"):
+        feed.play(FakeBus(), [], threading.Event(), speed=speed)
+
+
+def test_a_port_that_cannot_be_is_refused():
+    with pytest.raises(feed.FeedError, match=r"udp 127\.0\.0\.1:99999: a port is a number"):
+        feed.run(FakeBus(), "theo", ("127.0.0.1", 99999), threading.Event())

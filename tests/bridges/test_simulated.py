@@ -15,6 +15,8 @@ from bridges import feed, simulated
 from bridges.tlog import flight as tlog_flight
 from bridges.tlog import tlog
 from filters.simulation import simulate
+from gcs.contract import config
+from gcs.contract.frames import Frame, polar_to_enu
 from gcs.contract.messages import InputError, PolarMeasurement
 from tests.bridges.fake import FakeBus
 
@@ -226,3 +228,21 @@ def test_a_folder_that_cannot_be_written_is_named(tmp_path, truth):
     (tmp_path / "file").touch()
     with pytest.raises(InputError, match=r"file: .*name a folder"):
         simulated.write_all(tmp_path / "file", truth, [NORTH], 3, 0.04)
+
+
+def test_a_leaning_mount_is_simulated_as_the_station_reads_it(truth, tmp_path):
+    """Without noise, what the instrument reads lies on the truth once its mount is taken into account."""
+    text = (SAMPLE / "station.toml").read_text(encoding="utf-8")
+    lean = "tilt_deg = { east = 1.5, north = -0.7 }\norientation_deg = 40.0\n"
+    path = tmp_path / "station.toml"
+    path.write_text(text.replace('refraction = "optical"', lean, 1), encoding="utf-8")
+    sensor, instrument = config.load(path).sensor[0], simulated.instruments_of(path)[0]
+    exact = instrument._replace(sigma=dict.fromkeys(LASER, 0.0))
+    seen = simulated.observe(truth, exact, np.random.default_rng(1), share=0.0)
+    frame = Frame(-35.36, 149.17, 700.0)
+    t_s, at_s = ((t - truth["t_ns"][0]) * 1e-9 for t in (truth["t_ns"], seen.t_ns))
+    there = frame.to_enu(truth["lat_deg"], truth["lon_deg"], truth["alt_m"])
+    expected = np.stack([np.interp(at_s, t_s, axis) for axis in there.T], -1)
+    np.testing.assert_allclose(
+        polar_to_enu(*seen.values.T[:3], *frame.place_sensor(sensor)), expected, atol=0.05
+    )

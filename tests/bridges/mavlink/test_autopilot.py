@@ -22,7 +22,7 @@ def test_a_hovering_vehicle_says_nothing_about_the_sign():
 
 
 def test_coordinated_turn_accelerates_sideways_only():
-    bank, g = np.radians(40.0), autopilot.GRAVITY
+    bank, g = np.radians(40.0), autopilot.GRAVITY_MPS2
     force = np.array([0.0, 0.0, -g / np.cos(bank)])
     for heading in np.radians([0.0, 90.0, 200.0]):
         a = autopilot.acceleration_enu(force, np.array([bank, 0.0, heading]), np.zeros(3), 0.0)
@@ -39,7 +39,7 @@ def test_body_rates_carry_the_attitude_on():
 
 
 def test_climb_is_positive_up():
-    force = np.array([0.0, 0.0, -autopilot.GRAVITY - 2.0])
+    force = np.array([0.0, 0.0, -autopilot.GRAVITY_MPS2 - 2.0])
     assert autopilot.acceleration_enu(force, np.zeros(3), np.zeros(3), 0.0) == pytest.approx([0, 0, 2.0])
 
 

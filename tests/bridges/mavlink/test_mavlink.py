@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from pymavlink.dialects.v10 import ardupilotmega as mavlink_1
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from bridges.mavlink import mavlink
@@ -185,3 +186,28 @@ def test_other_systems_and_damage(tmp_path):
     decoder = mavlink.Decoder(1, "udpin:127.0.0.1:14550")
     bad = decoder.decode(dialect.MAVLink_bad_data(b"\x01\x02", "Bad prefix"), 5)
     assert bad == Bad(source="ins", where="udpin:127.0.0.1:14550 #1", reason="Bad prefix", raw="01 02")
+
+
+def sent_by(message, speaker):
+    """A message as it comes out of a link: with the header of the vehicle that sent it."""
+    message.pack(speaker)
+    return message
+
+
+def test_a_system_time_that_no_clock_can_show_is_a_reason():
+    speaker = dialect.MAVLink(None, srcSystem=1, srcComponent=1)
+    decoder = mavlink.Decoder(1)
+    for unix_us in (2**64 - 1, 5_000_000_000_000_000):
+        bad = decoder.decode(
+            sent_by(dialect.MAVLink_system_time_message(unix_us, 1000), speaker), START_US * 1000
+        )
+        assert isinstance(bad, Bad)
+        assert "after the year 2099" in bad.reason
+    assert decoder.clock.utc_ns(1000 * MS) == START_US * 1000
+
+
+def test_a_mavlink_1_receiver_says_nothing_of_the_ellipsoid():
+    speaker = mavlink_1.MAVLink(None, srcSystem=1, srcComponent=1)
+    fix = mavlink_1.MAVLink_gps_raw_int_message(START_US, 3, 0, 0, 584_000, 100, 100, 0, 0, 12)
+    assert not hasattr(fix, "alt_ellipsoid")
+    assert mavlink.Decoder(1).decode(sent_by(fix, speaker), START_US * 1000) is None

@@ -1,5 +1,6 @@
 """The command line with bad input: one line that names file, line and remedy, exit code 2, no traceback."""
 
+import re
 import socket
 import subprocess
 import sys
@@ -99,6 +100,36 @@ def test_usage(refused):
     assert "sped" in refused("replay", FLIGHT, "--sped", "1")
     assert "method" in refused("replay", FLIGHT, "--method", "magic")
     assert "KEY=VALUE" in refused("replay", FLIGHT, "--config", "height")
+
+
+@pytest.mark.parametrize("speed", ["1e300", "nan", "0", "-1", "inf"])
+def test_speeds_that_cannot_be(refused, speed):
+    assert "--speed" in refused("replay", FLIGHT, "--speed", speed)
+
+
+@pytest.mark.parametrize("seconds", ["1e300", "nan", "0"])
+def test_durations_that_cannot_be(refused, seconds):
+    assert "--seconds" in refused("run", "--station", STATION, "--no-view", "--seconds", seconds)
+
+
+def test_folders_that_cannot_be_written(refused, tmp_path):
+    (tmp_path / "file").touch()
+    for out in (tmp_path / "file", tmp_path / "file" / "below"):
+        assert f"--out {out}" in refused("replay", FLIGHT, "--out", out)
+        assert f"--out {out}" in refused("run", "--station", STATION, "--no-view", "--out", out)
+
+
+def test_settings_that_cannot_be(refused):
+    for setting in ("filter.cell_s=0", "filter.lag_scans=abc", "ins.height_m=1e-300", "view.port=99999"):
+        assert f"--config {setting}: " in refused("replay", FLIGHT, "--config", setting)
+
+
+def test_feeds_alone_need_an_origin(refused, tmp_path):
+    text = STATION.read_text(encoding="utf-8")
+    (tmp_path / "station.toml").write_text(re.sub("(?m)^origin.*$", "", text), encoding="utf-8")
+    feeds = ("--feed", f"theo-north={FEED}", "--out", tmp_path / "run")
+    assert "[range] origin" in refused("replay", "--station", tmp_path / "station.toml", *feeds)
+    assert "nothing to replay" in refused("replay", "--station", STATION, "--out", tmp_path / "run")
 
 
 def test_ports_that_are_taken(refused, tmp_path):

@@ -69,6 +69,9 @@ def test_two_signals_at_once_end_it_cleanly(tmp_path, ports):
 def test_the_doctor_finds_what_is_wrong(capsys, ports):
     bus = f"bus.endpoint=tcp/127.0.0.1:{ports[0]}"
     assert doctor.run(SAMPLE / "station.toml", (bus, f"view.port={ports[0]}"))
+    told = {line.split()[0]: line.split()[-1] for line in capsys.readouterr().err.splitlines()}
+    assert told["sensor.radar-1.sigma.range_m"].startswith(str(SAMPLE / "station.toml:"))
+    assert (told["bus.endpoint"], told["filter.lag_scans"]) == ("--config", "default")
     assert not doctor.run(None, (bus,))  # no origin
     assert "origin is missing" in capsys.readouterr().err
     with socket.socket() as taken:

@@ -2,9 +2,10 @@
 
 import numpy as np
 import pymap3d
+import pytest
 
-from gcs.contract.config import Position
-from gcs.contract.frames import Frame, polar_to_enu
+from gcs.contract.config import MountTilt, Position, SensorSection
+from gcs.contract.frames import Frame, mount, polar_to_enu
 
 FRAME = Frame(-35.363261, 149.165230, 584.0)
 TARGET = (-35.37, 149.2, 900.0)
@@ -29,3 +30,40 @@ def test_velocity_is_turned_as_finite_differences_say():
     moved = pymap3d.enu2geodetic(1.0, 0.5, -0.25, *TARGET)
     turned = FRAME.turn(np.array([[1.0, 0.5, -0.25]]), np.array([TARGET[0]]), np.array([TARGET[1]]))
     np.testing.assert_allclose(turned[0], FRAME.to_enu(*moved) - FRAME.to_enu(*TARGET), atol=1e-6)
+
+
+def seen_by(rotation: np.ndarray, azimuth_deg: float, elevation_deg: float) -> tuple[float, float]:
+    """What an instrument reads, degrees, of a direction in level ENU."""
+    azimuth, elevation = np.radians([azimuth_deg, elevation_deg])
+    level = np.array(
+        [np.cos(elevation) * np.sin(azimuth), np.cos(elevation) * np.cos(azimuth), np.sin(elevation)]
+    )
+    east, north, up = rotation @ level
+    return float(np.degrees(np.arctan2(east, north)) % 360.0), float(np.degrees(np.arcsin(up)))
+
+
+@pytest.mark.parametrize(
+    ("azimuth", "east", "north", "higher"),
+    [(90.0, 2.0, 0.0, 2.0), (270.0, 2.0, 0.0, -2.0), (0.0, 0.0, 3.0, 3.0), (0.0, 2.0, 0.0, 0.0)],
+)
+def test_a_target_where_the_mount_leans_reads_higher(azimuth, east, north, higher):
+    assert seen_by(mount(east, north, 0.0), azimuth, 10.0)[1] == pytest.approx(10.0 + higher, abs=0.02)
+
+
+def test_true_azimuth_is_the_reading_plus_the_orientation():
+    assert seen_by(mount(0.0, 0.0, 30.0), 75.0, 10.0) == pytest.approx((45.0, 10.0))
+    np.testing.assert_array_equal(mount(0.0, 0.0, 0.0), np.eye(3))
+
+
+def test_there_and_back_through_a_leaning_mount():
+    """A target as the mount's own axes see it, by rotations about the axes one after the other."""
+    site = Position(lat_deg=-35.35, lon_deg=149.16, alt_m=640.0)
+    tilt = MountTilt(east=1.5, north=0.0)
+    sensor = SensorSection(name="theo", kind="theodolite", position=site, tilt_deg=tilt, orientation_deg=20.0)
+    e, n, u = pymap3d.geodetic2enu(*TARGET, site.lat_deg, site.lon_deg, site.alt_m)
+    lean, turn = np.radians([1.5, 20.0])
+    e, u = e * np.cos(lean) - u * np.sin(lean), u * np.cos(lean) + e * np.sin(lean)
+    e, n = e * np.cos(turn) - n * np.sin(turn), n * np.cos(turn) + e * np.sin(turn)
+    azimuth, elevation, slant = np.arctan2(e, n), np.arctan2(u, np.hypot(e, n)), np.linalg.norm([e, n, u])
+    seen = polar_to_enu(slant, azimuth, elevation, *FRAME.place_sensor(sensor))
+    np.testing.assert_allclose(seen, FRAME.to_enu(*TARGET), atol=1e-6)

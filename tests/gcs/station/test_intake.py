@@ -1,14 +1,23 @@
 """The station file's numbers as the estimator gets them."""
 
 import numpy as np
+import pytest
 
 from filters.models import state
 from filters.models.rows import AZIMUTH, ELEVATION, RANGE
-from gcs.contract.config import Position, SensorPrior, SensorSection, Station
+from gcs.contract.config import (
+    ChannelLatency,
+    HeightPrior,
+    Position,
+    SensorPrior,
+    SensorSection,
+    Station,
+    VehicleSection,
+)
 from gcs.contract.frames import Frame
-from gcs.contract.messages import CHANNELS, InsMeasurement, decode, encode, to_columns
-from gcs.station.intake import Intake, sensors_of
-from gcs.station.ledger import Ledger
+from gcs.contract.messages import CHANNELS, Bad, InsMeasurement, PolarMeasurement, decode, encode, to_columns
+from gcs.station.intake import Intake, sensors_of, settings_of
+from gcs.station.ledger import NO_TIME, Ledger
 
 SITE = Position(lat_deg=-35.35, lon_deg=149.16, alt_m=640.0)
 
@@ -48,3 +57,55 @@ def test_dead_reckoning_costs_position_and_velocity_only():
         (1, channel) for channel in ("e", "n", "u", "ve", "vn", "vu")
     }
     assert set(said.values()) == {"", complaint}
+
+
+def intake_of(**more) -> Intake:
+    """Of one theodolite."""
+    station = Station(sensor=[SensorSection(name="theo", kind="theodolite", position=SITE, **more)])
+    return Intake(station, Frame(-35.36, 149.16, 600.0), Ledger(["ins", "theo"], ("",)))
+
+
+def entered(intake: Intake, **fields) -> dict[str, np.void]:
+    """The rows of one measurement, by channel."""
+    one = PolarMeasurement(t_ns=10**18, arrival_ns=10**18, range_m=800.0, azimuth_deg=10.0, **fields)
+    rows, _ = intake.enter(intake.polar("theo", to_columns([one], PolarMeasurement)))
+    return {CHANNELS[row["channel"]]: row for row in rows}
+
+
+def test_every_channel_has_its_own_latency_and_the_record_the_stamp():
+    intake = intake_of(latency_s=ChannelLatency(range_m=0.06, azimuth_deg=-0.01))
+    rows = entered(intake)
+    assert rows["range"]["t_ns"] == 10**18 - 60_000_000
+    assert rows["azimuth"]["t_ns"] == 10**18 + 10_000_000
+    assert set(intake.ledger.entries["t_ns"].tolist()) == {10**18}
+
+
+def test_a_row_brings_its_own_noise():
+    rows = entered(intake_of(), sigma_range_m=0.25)
+    assert (rows["range"]["sigma"], rows["azimuth"]["sigma"]) == (0.25, 0.0)
+    rows = entered(intake_of(), sigma_azimuth_deg=0.01)
+    assert (rows["range"]["sigma"], rows["azimuth"]["sigma"]) == (0.0, pytest.approx(np.radians(0.01)))
+
+
+@pytest.mark.parametrize("sigma", [-1.0, float("inf"), 1e-300])
+def test_noise_that_cannot_be_costs_its_value(sigma):
+    intake = intake_of()
+    assert set(entered(intake, sigma_range_m=sigma)) == {"azimuth"}
+    refused = intake.ledger.entries[intake.ledger.entries["final"]]
+    assert intake.ledger.reason_texts(refused) == ["its own sigma cannot be"]
+
+
+def test_a_reason_is_one_short_line_and_its_time_fits():
+    intake = intake_of()
+    bad = Bad(source="theo", where="udp", reason="x\n" * 20_000_000, t_ns=2**64)
+    batch = intake.bad("theo", [bad])
+    text = intake.ledger.reasons[batch.complaints[0]]
+    assert len(text) <= 200
+    assert "\n" not in text
+    assert batch.entries["t_ns"][0] == NO_TIME
+
+
+def test_a_known_height_is_above_the_origin():
+    vehicle = VehicleSection(height_m=HeightPrior(mean=610.0, sigma=5.0))
+    settings = settings_of(Station(vehicle=vehicle), Frame(-35.36, 149.16, 600.0))
+    assert (settings.height_m, settings.height_sigma_m) == (10.0, 5.0)

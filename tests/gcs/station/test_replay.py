@@ -175,3 +175,43 @@ def test_playback_pauses_seeks_and_ends():
 def test_summary_is_json_without_nan(run):
     text = (run[0] / "summary.json").read_text(encoding="utf-8")
     json.loads(text, parse_constant=lambda name: pytest.fail(f"{name} in summary.json"))
+
+
+def test_feeds_alone_are_a_flight(tmp_path):
+    """Two instruments without an aircraft's word: the same trajectory, every value in the record."""
+    station = config.load(SAMPLE / "station.toml")
+    feeds = {name: FEEDS[name] for name in ("theo-north", "radar-1")}
+    flight = replay.load(None, station, feeds)
+    station = replay.heard(station, feeds)
+    assert [sensor.name for sensor in station.sensor] == list(feeds)
+    playback = replay.Playback(flight.start_ns, flight.end_ns, float("inf"))
+
+    def session() -> Session:
+        return Session(station, flight.frame, [Record(tmp_path, station, flight.frame)])
+
+    summary = replay.run(flight, session, playback, stay=False)
+    assert summary["complete"]
+    assert summary["log"] is None
+    assert {row["sensor"] for row in table(tmp_path / "verdicts.csv")} == set(feeds)
+    used = summary["verdicts"]["theo-north"]["range"]["used"]
+    assert used > 0.8 * len(flight.feeds["theo-north"][0])
+    assert len(table(tmp_path / "smoothed.csv")) > 1000
+
+
+def test_an_instrument_without_a_feed_has_no_vote():
+    station = config.load(SAMPLE / "station.toml")
+    assert replay.heard(station, {}).sensor == []
+
+
+def test_a_lone_instrument_starts_though_its_channels_are_of_different_instants():
+    late = "sensor.theo-north.latency_s={ range_m = 0.06, elevation_deg = 0.01 }"
+    station = config.load(SAMPLE / "station.toml", [late])
+    flight = replay.load(None, station, {"theo-north": FEEDS["theo-north"]})
+    session = Session(replay.heard(station, flight.feeds), flight.frame, [])
+    whole, upto_ns = replay.batch(flight, session.intake), flight.start_ns + 10_000_000_000
+    session.enter(replay.Batch(*(column[whole.valid_ns < upto_ns] for column in whole)))
+    session.advance(upto_ns)
+    counts = session.finish({})["verdicts"]["theo-north"]
+    assert set(counts) == {"range", "azimuth", "elevation"}
+    for channel in counts.values():
+        assert channel["used"] + channel["deweighted"] > 0.9 * sum(channel.values())
