@@ -102,19 +102,18 @@ def fly(sensors, seconds, hz=10.0, seed=0, begin_s=0.0, noise=1.0, **path) -> np
 
 
 def transition(dt, psd, model=None) -> tuple[np.ndarray, np.ndarray]:
-    """(n, n) transition and noise of the motion and the Gauss-Markov errors, by Van Loan's matrix exponential."""
-    rate = np.zeros(CORE) if model is None else model.rate
-    variance = np.zeros(CORE) if model is None else model.prior
-    n = len(rate)
-    A, W = np.diag(-rate), np.diag(2.0 * rate * variance)
+    """(n, n) transition and noise: of the motion by Van Loan's matrix exponential, of each error by its own."""
+    A, W = np.zeros((CORE, CORE)), np.diag(np.concatenate([np.zeros(3), psd[[2, 2, 3]], psd[[0, 0, 1]]]))
     A[0:3, 3:6] = A[3:6, 6:9] = np.eye(3)
-    W[3:6, 3:6] = np.diag([psd[2], psd[2], psd[3]])
-    W[6:9, 6:9] = np.diag([psd[0], psd[0], psd[1]])
-    big = np.zeros((2 * n, 2 * n))
-    big[:n, :n], big[:n, n:], big[n:, n:] = -A * dt, W * dt, A.T * dt
-    big = expm(big)
-    F = big[n:, n:].T
-    return F, F @ big[:n, n:]
+    big = expm(dt * np.block([[-A, W], [np.zeros((CORE, CORE)), A.T]]))
+    n = CORE if model is None else len(model.rate)
+    F, Q = np.eye(n), np.zeros((n, n))
+    F[:CORE, :CORE] = big[CORE:, CORE:].T
+    Q[:CORE, :CORE] = F[:CORE, :CORE] @ big[:CORE, CORE:]
+    for i in range(CORE, n):
+        F[i, i] = np.exp(-model.rate[i] * dt)
+        Q[i, i] = -model.prior[i] * np.expm1(-2.0 * model.rate[i] * dt)
+    return F, Q
 
 
 class Dense:
