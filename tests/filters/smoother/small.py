@@ -6,6 +6,7 @@ from scipy.linalg import expm
 from filters.models import state
 from filters.models.motion import CORE
 from filters.models.rows import AE, AZIMUTH, ELEVATION, RANGE, RANGE_RATE, ROW, E, Sensor
+from filters.smoother import start
 from filters.smoother.buffer import Outcome, Rows, outcome
 
 NO_TIME_S = 1e-9  # prior of a latency that is as good as none: an INS is linear then
@@ -96,6 +97,25 @@ def fly(sensors, seconds, hz=10.0, seed=0, begin_s=0.0, noise=1.0, **path) -> np
     rows = rows[np.lexsort((rows["channel"], rows["sensor"], rows["t_ns"]))]
     rows["id"] = np.arange(len(rows))
     return rows
+
+
+def to_rows(flight: np.ndarray, model, height_m=np.nan) -> Rows:
+    """Rows of (k,) ROW in order of time, with the places that they stand for."""
+    said = [(r["t_ns"] * 1e-9, r["sensor"], r["channel"], r["value"]) for r in flight]
+    rows = as_rows(said, model)
+    rows.t[:] = flight["t_ns"]
+    start.places(rows, model.offset, model.rotation, model.is_ins, height_m, 0)
+    return rows
+
+
+def four() -> list[Sensor]:
+    """An INS, two theodolites and a radar around the path of `truth`."""
+    return [
+        ins(clock_sigma_s=0.05, p=0.1, v=0.05),
+        theodolite("a", (0.0, -300.0, 0.0)),
+        theodolite("b", (900.0, 500.0, 10.0)),
+        radar("radar", (-500.0, 700.0, 0.0)),
+    ]
 
 
 # ---- dense oracle
