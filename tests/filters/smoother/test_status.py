@@ -310,3 +310,23 @@ def test_a_trace_of_nothing():
     assert status.log_evidence(none, own, out.v, out.S, memory, -1) == (0.0, 0.0, 0.0)
 
 
+
+
+@pytest.mark.parametrize("share", [1.0, 0.3, 0.03])
+def test_a_channel_recovers_from_one_outlier(share):
+    """One gross error, then hundreds of good rows, window by window; ``share`` R / s² of a vague prediction."""
+    rng, window, cut, count = np.random.default_rng(0), 20, 5, 300
+    rows = Rows(np.arange(count), np.zeros(count, "i2"), np.zeros(count, "i1"), *(np.zeros(count),) * 2, np.zeros((count, 3)))
+    own = small.fresh(rows)
+    own.sigma[:], own.noise[:] = 1.0, share
+    own.residual[:] = 0.5 * rng.normal(size=count)
+    own.residual[30] = 30.0
+    memory, seen = status.fresh_memory(1), []
+    for k in range(0, count - window, cut):
+        part, mine = Rows(*(c[k : k + window] for c in rows)), type(own)(*(c[k : k + window] for c in own))
+        status.posterior(part, mine, memory.copy(), -1)
+        status.advance(Rows(*(c[:cut] for c in part)), type(own)(*(c[:cut] for c in mine)), memory)
+        seen += mine.weight[:cut].tolist()
+    assert seen[30] < 0.01
+    assert min(seen[-100:]) > status.SURE
+    assert memory[0, RANGE, 4] < 0.02
