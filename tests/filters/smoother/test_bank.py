@@ -4,6 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
+from numba import config
 
 from filters.models import state
 from filters.models.motion import PSD
@@ -61,6 +62,7 @@ def test_every_subset_begins_where_the_target_is(name):
     assert not one.spread.any()
 
 
+@pytest.mark.xfail(not config.DISABLE_JIT, strict=True, reason="fastmath folds away the test for a missing elevation: no place")
 def test_a_known_height_replaces_an_elevation():
     p, _ = small.truth(np.zeros(1))
     one, rows, found = begun([FLAT], prior=Prior(p[0, 2], 10.0))
@@ -92,6 +94,7 @@ def test_a_start_stands_one_liar_of_three():
     assert (one.best.own.weight[~liar] > status.DOUBT).mean() > 0.9
 
 
+@pytest.mark.xfail(strict=True, reason="from a prior of 100 km the first rows' sigmas are lost to rounding: the second start fails")
 def test_two_that_contradict_each_other_are_ambiguous():
     """One of two instruments is 150 m off in all its rows: nobody can tell which."""
 
@@ -101,20 +104,20 @@ def test_two_that_contradict_each_other_are_ambiguous():
         rows.value[theirs & (rows.channel == AZIMUTH)] += 0.1
 
     one, rows, found = begun([A, B], spoil=spoil)
-    if found:
-        assert one.ambiguous
-        assert np.sqrt(np.trace(one.spread[:3, :3])) > 20.0
+    assert found
+    assert one.ambiguous
+    assert np.sqrt(np.trace(one.spread[:3, :3])) > 20.0
 
 
 # ---- challengers
 
 
-def later(sensors, *, seconds=1.5, jump=None, spoil=None, seed=1):
+def later(sensors, *, seconds=1.5, jump=None, jump_s=1.5, spoil=None, seed=1):
     """(bank with an incumbent that has decided a first second, the rows after that)."""
     model = state.build(sensors)
     flight = small.fly(sensors, 1.0 + seconds, seed=seed)
     if jump is not None:
-        for k in np.flatnonzero(flight["t_ns"] >= 1_500_000_000):
+        for k in np.flatnonzero(flight["t_ns"] >= jump_s * 1e9):
             r = flight[k]
             p, v = small.truth(np.array([r["t_ns"] * 1e-9]))
             sensor = sensors[r["sensor"]]
@@ -160,10 +163,11 @@ def test_outliers_are_no_reason_to_begin_again():
     assert off(one, rows)[1] < 1.0
 
 
-@pytest.mark.parametrize("size", [50.0, 500.0])
-def test_after_a_jump_of_everything_the_state_is_where_all_say(size):
+@pytest.mark.parametrize(("size", "at_s"), [(50.0, 1.5), (50.0, 1.0), (500.0, 1.0), (5000.0, 1.0)])
+def test_after_a_jump_of_everything_the_state_is_where_all_say(size, at_s):
+    """Within the window, or before its first row; at 50 m inside the window only another start explains it."""
     jump = np.array([0.6, -0.8, 0.0]) * size
-    one, rows = later([INS, A, B, RADAR], jump=jump)
+    one, rows = later([INS, A, B, RADAR], jump=jump, jump_s=at_s)
     for _ in range(2):
         one.redecide(rows, 0)
     p, _ = small.truth(rows.t[-1:] * 1e-9)

@@ -5,6 +5,7 @@ import pytest
 
 from filters.models import state
 from filters.models.motion import CORE
+from filters.models.rows import E
 from filters.smoother import passes
 from tests.filters.smoother import small
 
@@ -64,6 +65,31 @@ def test_smoothed_states_are_the_batch_solution(kind):
         assert np.allclose(out.P[first][:CORE, :CORE], cov[at, at][:CORE, :CORE], atol=1e-7)
     assert np.allclose(head_x, mean[-n:], atol=1e-7)
     assert np.allclose(head_P, cov[-n:, -n:], atol=1e-7)
+
+
+@pytest.mark.parametrize(
+    "prior_m",
+    [
+        1e2,
+        1e3,
+        pytest.param(
+            1e5, marks=pytest.mark.xfail(strict=True, reason="P − P N P cancels: N is not known to 1 / P², as that needs")
+        ),
+    ],
+)
+def test_deletion_residuals_and_smoothed_states_after_a_start(prior_m):
+    """Five positions at one instant, the first one refused: closed form, however little was known before."""
+    model = state.build([small.ins(str(s), p=1.0) for s in range(5)])
+    values = np.random.default_rng(0).normal(size=5)
+    rows = small.as_rows([(0.0, s, E, value) for s, value in enumerate(values)], model)
+    x, P = np.zeros(len(model.prior)), state.prior_covariance(model)
+    P[range(CORE), range(CORE)] = prior_m**2
+    own, out, *_ = both(model, rows, x, P, np.array([0.0, 1, 1, 1, 1]))
+    each = 1.0 + model.prior[model.bias_at[0, E]]
+    place = 1.0 / (prior_m**-2 + 4.0 / each)
+    assert own.sigma[0] == pytest.approx(np.sqrt(place + each), rel=1e-3)
+    assert own.residual[0] == pytest.approx(values[0] - place / each * values[1:].sum(), abs=1e-5)
+    assert out.P[0][0, 0] == pytest.approx(place, rel=1e-3)
 
 
 def test_only_the_kept_rows_states_are_smoothed_and_their_noise_scored():
