@@ -21,7 +21,7 @@ def test_every_verdict_has_its_constant(k):
 
 def test_axes_follow_one_another():
     assert (rows.E, rows.VE, rows.AE) == (4, 7, 10)
-    assert rows.AU == len(CHANNELS) - 1
+    assert len(CHANNELS) - 1 == rows.AU
 
 
 def test_small_types_hold_all_that_they_index():

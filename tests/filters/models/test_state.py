@@ -253,7 +253,9 @@ def test_a_wide_row_is_linear_at_its_own_place():
 
 
 @pytest.mark.xfail(
-    not config.DISABLE_JIT, strict=True, reason="compiled with fastmath, the test for a missing place is folded away"
+    not config.DISABLE_JIT,
+    strict=True,
+    reason="compiled with fastmath, the test for a missing place is folded away",
 )
 @pytest.mark.parametrize("channel", [RANGE, AZIMUTH, ELEVATION], ids=CHANNELS[:3])
 def test_a_line_of_sight_alone_says_nothing_while_the_place_is_unknown(channel):

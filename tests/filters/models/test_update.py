@@ -40,7 +40,9 @@ def test_a_value_without_weight_changes_nothing():
     assert np.array_equal(P, np.eye(3))
 
 
-@pytest.mark.parametrize(("u", "expected"), [(0, 1), (1.5, 1), (8.5, 0), (100, 0), (5.0, 0.3 * 0.25), (-5.0, 0.3 * 0.25)])
+@pytest.mark.parametrize(
+    ("u", "expected"), [(0, 1), (1.5, 1), (8.5, 0), (100, 0), (5.0, 0.3 * 0.25), (-5.0, 0.3 * 0.25)]
+)
 def test_igg_iii(u, expected):
     assert weight(float(u), 1.5, 8.5) == pytest.approx(expected)
 

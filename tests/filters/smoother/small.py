@@ -1,4 +1,4 @@
-"""Small sets of sensors, rows and flights for the smoother's tests, and dense linear algebra as their oracle."""
+"""Small sets of sensors, rows and flights for the tests, and dense linear algebra as their oracle."""
 
 import numpy as np
 from scipy.linalg import expm
@@ -122,7 +122,7 @@ def four() -> list[Sensor]:
 
 
 def transition(dt, psd, model=None) -> tuple[np.ndarray, np.ndarray]:
-    """(n, n) transition and noise: of the motion by Van Loan's matrix exponential, of each error by its own."""
+    """(n, n) transition and noise: the motion's by Van Loan's matrix exponential, each error's by its own."""
     A, W = np.zeros((CORE, CORE)), np.diag(np.concatenate([np.zeros(3), psd[[2, 2, 3]], psd[[0, 0, 1]]]))
     A[0:3, 3:6] = A[3:6, 6:9] = np.eye(3)
     big = expm(dt * np.block([[-A, W], [np.zeros((CORE, CORE)), A.T]]))

@@ -92,7 +92,9 @@ def test_without_information_densities_go_back_to_their_prior(factor):
 
 def test_a_step_has_a_longest_and_densities_have_bounds():
     once = adaptation.densities(PRIOR, PRIOR, scores(slope=1e9, information=1e-9))
-    assert np.allclose(np.log(once / PRIOR), np.minimum(adaptation.MOTION_STEP, np.log(motion.HIGHEST / PRIOR)))
+    assert np.allclose(
+        np.log(once / PRIOR), np.minimum(adaptation.MOTION_STEP, np.log(motion.HIGHEST / PRIOR))
+    )
     assert np.array_equal(repeat(PRIOR, scores(slope=1e9)), motion.HIGHEST)
     assert np.array_equal(repeat(PRIOR, scores(slope=-1e9)), motion.LOWEST)
 

@@ -33,7 +33,10 @@ def judge(buffer, verdicts, begin=0):
 
 def test_rows_are_sorted_by_time_sensor_channel():
     buffer = MeasurementBuffer(VARIANCE)
-    put(buffer, rows((0, 20, 1, RANGE, 1.0), (1, 10, 2, AZIMUTH, 2.0), (2, 10, 2, RANGE, 3.0), (3, 10, 0, RANGE, 4)))
+    put(
+        buffer,
+        rows((0, 20, 1, RANGE, 1.0), (1, 10, 2, AZIMUTH, 2.0), (2, 10, 2, RANGE, 3.0), (3, 10, 0, RANGE, 4)),
+    )
     put(buffer, rows((4, 15, 0, RANGE, 5.0)))
     view = buffer.view(0, buffer.size)
     assert view.t.tolist() == [10, 10, 10, 15, 20]
@@ -76,7 +79,10 @@ def test_rows_that_are_done_are_not_moved():
 
 
 @settings(deadline=None, derandomize=True, max_examples=60)
-@given(st.lists(st.tuples(st.integers(0, 5), st.integers(0, 2), st.integers(0, 2)), unique=True, max_size=25), st.data())
+@given(
+    st.lists(st.tuples(st.integers(0, 5), st.integers(0, 2), st.integers(0, 2)), unique=True, max_size=25),
+    st.data(),
+)
 def test_the_order_of_arrival_does_not_matter(keys, data):
     new = rows(*((k, *key, float(k)) for k, key in enumerate(keys)))
     shuffled = new[data.draw(st.permutations(range(len(new))))] if len(new) else new
@@ -91,7 +97,10 @@ def test_the_order_of_arrival_does_not_matter(keys, data):
 
 
 @settings(deadline=None, derandomize=True, max_examples=60)
-@given(st.lists(st.tuples(st.integers(0, 3), st.integers(0, 1), st.integers(0, 1)), max_size=20), st.integers(0, 20))
+@given(
+    st.lists(st.tuples(st.integers(0, 3), st.integers(0, 1), st.integers(0, 1)), max_size=20),
+    st.integers(0, 20),
+)
 def test_every_row_is_entered_or_handed_back(keys, cut):
     new = rows(*((k, *key, 0.0) for k, key in enumerate(keys)))
     buffer = MeasurementBuffer(VARIANCE)
@@ -178,7 +187,9 @@ def test_faults_in_order_of_weight():
     ]  # fmt: skip
 
 
-@pytest.mark.xfail(strict=True, reason="an index beyond the table raises IndexError, a negative one counts from its end")
+@pytest.mark.xfail(
+    strict=True, reason="an index beyond the table raises IndexError, a negative one counts from its end"
+)
 @pytest.mark.parametrize("channel", [13, 100, -1, -14])
 def test_a_channel_that_there_is_not_is_a_fault(channel):
     new = rows((0, 100, 0, RANGE, 1.0), (1, 100, 0, channel, 1.0))

@@ -8,7 +8,6 @@ import pytest
 from filters import methods
 from filters.models.rows import AZIMUTH, CHANNELS, DUPLICATE, INVALID, ISOLATED, LATE, PATCH, RANGE, ROW, USED
 from filters.smoother import status
-from filters.smoother.estimator import Settings
 from tests.filters.smoother import small
 
 SENSORS = small.four()
@@ -47,7 +46,9 @@ def whole():
 
 
 def same(a, b):
-    return all(np.array_equal(a[name], b[name], equal_nan=a[name].dtype.kind == "f") for name in a.dtype.names)
+    return all(
+        np.array_equal(a[name], b[name], equal_nan=a[name].dtype.kind == "f") for name in a.dtype.names
+    )
 
 
 # ---- order and batches
@@ -60,7 +61,9 @@ def test_pieces_do_not_matter(whole, size):
         rows = rows[:400]
         track, smoothed, verdicts, _ = run(rows)
     epochs = np.flatnonzero(np.diff(rows["t_ns"], prepend=-1))
-    cut = epochs[np.unique(np.searchsorted(epochs, np.arange(size, len(rows), size)).clip(max=len(epochs) - 1))]
+    cut = epochs[
+        np.unique(np.searchsorted(epochs, np.arange(size, len(rows), size)).clip(max=len(epochs) - 1))
+    ]
     other = run(rows, parts=np.split(rows, cut))
     assert same(finals(verdicts), finals(other[2]))
     assert same(smoothed, other[1])
@@ -70,7 +73,9 @@ def test_pieces_do_not_matter(whole, size):
 def late(rows, seed, most_s=0.7, share=0.2):
     """The rows, a share of them up to ``most_s`` late, epoch by epoch as they arrive."""
     rng = np.random.default_rng(seed)
-    arrival = rows["t_ns"] + np.where(rng.random(len(rows)) < share, rng.uniform(0, most_s * 1e9, len(rows)), 0)
+    arrival = rows["t_ns"] + np.where(
+        rng.random(len(rows)) < share, rng.uniform(0, most_s * 1e9, len(rows)), 0
+    )
     order = np.argsort(arrival, kind="stable")
     return np.array_split(rows[order], 60)
 
@@ -157,7 +162,9 @@ def test_good_rows_of_an_ins_are_kept(whole):
 def test_weights_and_verdicts_agree(whole):
     found = finals(whole[2][2])
     judged = found["verdict"] <= PATCH
-    assert np.array_equal(found["weight"][judged] < status.DOUBT, np.isin(found["verdict"], (ISOLATED, PATCH))[judged])
+    assert np.array_equal(
+        found["weight"][judged] < status.DOUBT, np.isin(found["verdict"], (ISOLATED, PATCH))[judged]
+    )
 
 
 @pytest.mark.xfail(strict=True, reason="what is decided by `finish` itself is never published as smoothed")
@@ -220,7 +227,10 @@ def test_the_sigmas_are_honest():
 @pytest.mark.parametrize("gap_s", [1.0, 5.0, 20.0, 60.0, 120.0])
 def test_it_comes_back_after_a_gap(gap_s):
     path = {"v0": (5.0, -3.0, 0.0)}
-    before, after = small.fly(SENSORS, 3.0, **path), small.fly(SENSORS, 4.0, seed=1, begin_s=3.0 + gap_s, **path)
+    before, after = (
+        small.fly(SENSORS, 3.0, **path),
+        small.fly(SENSORS, 4.0, seed=1, begin_s=3.0 + gap_s, **path),
+    )
     rows = np.concatenate([before, after])
     rows["id"] = np.arange(len(rows))
     track, smoothed, verdicts, estimator = run(rows)
@@ -257,7 +267,10 @@ def test_an_unknown_method_lists_the_known_ones():
         methods.make("magic", SENSORS)
 
 
-@pytest.mark.xfail(strict=True, reason="the window is decided again by status whatever the rule: no method but the default is itself")
+@pytest.mark.xfail(
+    strict=True,
+    reason="the window is decided again by status whatever the rule: no method but the default is itself",
+)
 def test_plain_ukf_takes_everything_and_a_gate_does_not():
     rows, bad = contaminated(4.0, share=0.02)
     settled = rows["t_ns"] > 1_500_000_000
@@ -319,13 +332,14 @@ def test_a_sensor_alone_has_no_protection():
     assert np.isinf(track["protection_v_m"]).all()
 
 
-
-
 @pytest.mark.parametrize("size", [50.0, 500.0, 5000.0])
 def test_it_follows_a_jump_of_everything(size):
-    """As after a restarted reference: all sensors agree that the target is elsewhere from one row to the next."""
+    """As after a restarted reference: all sensors agree that the target is elsewhere at once."""
     jump = size * np.array([0.6, -0.8, 0.0])
-    before, after = small.fly(SENSORS, 3.0), small.fly(SENSORS, 4.0, seed=1, begin_s=3.0, p0=np.array([300.0, 900, 200]) + jump)
+    before, after = (
+        small.fly(SENSORS, 3.0),
+        small.fly(SENSORS, 4.0, seed=1, begin_s=3.0, p0=np.array([300.0, 900, 200]) + jump),
+    )
     rows = np.concatenate([before, after])
     rows["id"] = np.arange(len(rows))
     track, *_ = run(rows)

@@ -1,5 +1,7 @@
 """First sight: the order of simultaneous rows, the rules, the stop at a surprise, and batches."""
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -22,7 +24,9 @@ def start(model, sigma=1.0):
     return x, P
 
 
-def admit(model, rows, x, P, memory=None, *, excluded=-1, rule=gated.BY_STATUS, quiet_ns=NEVER, surprise=0.0, t_ns=0):
+def admit(
+    model, rows, x, P, memory=None, *, excluded=-1, rule=gated.BY_STATUS, quiet_ns=NEVER, surprise=0.0, t_ns=0
+):
     """(rows taken, epochs, surprise, own, told); ``x``, ``P`` and ``memory`` in place."""
     memory = status.fresh_memory(len(model.is_ins)) if memory is None else memory
     own, n = outcome(len(rows.t)), len(x)
@@ -135,7 +139,9 @@ def test_by_status_the_weight_is_the_filtered_probability():
 
 def surprising(model, at, size=60.0, count=12):
     rows = [row for k in range(count) for row in east(model, [0.0] * 4, 0.1 * k)]
-    return small.as_rows([(t, s, c, size if round(t * 10) == at and s < 3 else v) for t, s, c, v in rows], model)
+    return small.as_rows(
+        [(t, s, c, size if round(t * 10) == at and s < 3 else v) for t, s, c, v in rows], model
+    )
 
 
 def test_it_stops_after_the_epoch_that_surprises():
@@ -197,7 +203,7 @@ def test_batches_do_not_matter():
         memory, surprise, weights, t_ns = status.fresh_memory(3), 0.0, [], 0
         first = np.flatnonzero(np.diff(rows.t, prepend=-1))
         edges = [0, len(rows.t)] if size > 1 else [*first, len(rows.t)]
-        for a, b in zip(edges, edges[1:], strict=False):
+        for a, b in itertools.pairwise(edges):
             part = Rows(*(column[a:b] for column in rows))
             _, _, surprise, own, _ = admit(model, part, x, P, memory, surprise=surprise, t_ns=t_ns)
             weights.append(own.weight)
@@ -224,4 +230,6 @@ def test_a_range_rate_ties_nothing_down(channel, ties):
     seen = small.polar(sensor, x[:3], x[3:6])[channel]
     *_, told = admit(model, small.as_rows([(0.0, 0, channel, seen)], model), x, P)
     assert told.fixed[0] == ties
-    assert not admit(model, small.as_rows([(0.0, 0, channel, seen)], model), *start(model), excluded=0)[-1].fixed[0]
+    assert not admit(model, small.as_rows([(0.0, 0, channel, seen)], model), *start(model), excluded=0)[
+        -1
+    ].fixed[0]

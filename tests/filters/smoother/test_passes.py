@@ -1,4 +1,4 @@
-"""Forward and backward pass against dense Gaussian conditioning, rows left out one by one, and differences."""
+"""The passes against dense Gaussian conditioning, rows left out one by one, and differences."""
 
 import numpy as np
 import pytest
@@ -73,7 +73,10 @@ def test_smoothed_states_are_the_batch_solution(kind):
         1e2,
         1e3,
         pytest.param(
-            1e5, marks=pytest.mark.xfail(strict=True, reason="P − P N P cancels: N is not known to 1 / P², as that needs")
+            1e5,
+            marks=pytest.mark.xfail(
+                strict=True, reason="P − P N P cancels: N is not known to 1 / P², as that needs"
+            ),
         ),
     ],
 )
@@ -136,7 +139,7 @@ def test_refused_rows_say_nothing_of_the_noise():
 
 
 def test_expected_information_is_positive_and_never_more_than_fishers():
-    """Each row's and each step's own share of ½ tr(Σ⁻¹ ∂Σ Σ⁻¹ ∂Σ); the rest, products of two, is not negative."""
+    """Each row's and each step's own share of ½ tr(Σ⁻¹ ∂Σ Σ⁻¹ ∂Σ); products of two are not negative."""
     model, rows, x, P, H = small.linear_case(5)
     own, _, found, *_ = both(model, rows, x, P, 1.0)
 
@@ -155,14 +158,12 @@ def test_expected_information_is_positive_and_never_more_than_fishers():
         assert 0.0 < found.motion[1, j] <= full * (1 + 1e-6)
     for c in np.unique(rows.channel):
         mine = rows.channel == c
-        full = fisher(
-            *(covariance(small.PSD, own.noise * np.exp(sign * h * mine)) for sign in (1, -1))
-        )
+        full = fisher(*(covariance(small.PSD, own.noise * np.exp(sign * h * mine)) for sign in (1, -1)))
         assert 0.0 < found.noise[1, 0, c] <= full * (1 + 1e-6)
 
 
 def test_a_regime_drives_the_motion_on_the_way_to_its_rows():
-    model, rows, x, P, H = small.linear_case(6)
+    model, rows, x, P, _H = small.linear_case(6)
     own, n = small.fresh(rows), len(x)
     own.regime[rows.t >= rows.t[8]] = 1
     densities = np.array([small.PSD, 100.0 * small.PSD])

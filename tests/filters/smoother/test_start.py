@@ -28,7 +28,11 @@ def seen(sensors, *, p=HERE, t=0.0, only=None):
     model, said = state.build(sensors), []
     for s, sensor in enumerate(sensors):
         values = {E + a: p[a] for a in range(3)} if sensor.kind == "ins" else small.polar(sensor, p)
-        said += [(t, s, c, v) for c, v in values.items() if np.isfinite(sensor.sigma[c]) and (not only or c in only)]
+        said += [
+            (t, s, c, v)
+            for c, v in values.items()
+            if np.isfinite(sensor.sigma[c]) and (not only or c in only)
+        ]
     return model, small.as_rows(said, model)
 
 
@@ -62,7 +66,9 @@ def test_places_before_begin_stay():
     assert (rows.place == 7.0).all()
 
 
-@pytest.mark.xfail(COMPILED, strict=True, reason="compiled with fastmath, the test for a missing elevation is folded away")
+@pytest.mark.xfail(
+    COMPILED, strict=True, reason="compiled with fastmath, the test for a missing elevation is folded away"
+)
 def test_a_known_height_stands_in_for_the_elevation():
     sensor = small.radar(place=(50.0, 20.0, -5.0), r=5.0, az=1e-3)
     model, rows = seen([sensor])
@@ -111,7 +117,7 @@ def test_lines_that_miss_cross_in_the_middle():
 
 
 def test_parallel_lines_and_lines_that_meet_behind_do_not_cross():
-    far = HERE + [0.0, 1e6, 0.0]
+    far = HERE + np.array([0.0, 1e6, 0.0])
     assert len(fixes(*seen([passive("a", (0, 0, 0)), passive("b", (100, 0, 0))], p=far))) == 0
     model, rows = seen([passive("a", (0, 0, 0)), passive("b", (900, 300, 0))])
     rows.value[rows.channel == AZIMUTH] += np.pi

@@ -24,7 +24,9 @@ def log_densities(r, s, noise, before):
     good, gross = norm.logpdf(r, 0, s), cauchy.logpdf(r, 0, status.WIDTH * s)
     near = norm.logpdf(r, before, np.sqrt(2 * s**2 + (status.SPREAD * before) ** 2))
     power = min(1.0, noise / s**2)
-    return np.array([good, gross, power * (np.logaddexp(gross, near) - np.log(2)) + (1 - power) * max(good, gross)])
+    return np.array(
+        [good, gross, power * (np.logaddexp(gross, near) - np.log(2)) + (1 - power) * max(good, gross)]
+    )
 
 
 def transition(p):
@@ -36,7 +38,8 @@ def transition(p):
 def enumerate_paths(r, s, noise, memory):
     """(k, 3) posterior of each row, (3,) filtered one of the last, log evidence, over all 3^k paths."""
     A, chance = transition(memory[4]), memory[:3]
-    like = np.exp([log_densities(*row, b) for row, b in zip(zip(r, s, noise), [memory[3], *r[:-1]])])
+    before = [memory[3], *r[:-1]]
+    like = np.exp([log_densities(*row) for row in zip(r, s, noise, before, strict=True)])
     posterior, total = np.zeros((len(r), 3)), 0.0
     for path in itertools.product(range(3), repeat=len(r)):
         p = chance @ A[:, path[0]] * like[0, path[0]]
@@ -104,7 +107,9 @@ def test_filtered_is_the_forward_half(name):
         good, log_likelihood = status.filtered(memory[0, c], own.residual[k], own.sigma[k], own.noise[k])
         total[c] += log_likelihood
         mine = np.flatnonzero(rows.channel[: k + 1] == c)
-        expected, log_total = enumerate_paths(own.residual[mine], own.sigma[mine], own.noise[mine], start[0, c])
+        expected, log_total = enumerate_paths(
+            own.residual[mine], own.sigma[mine], own.noise[mine], start[0, c]
+        )
         assert good == pytest.approx(expected[-1, GOOD], abs=1e-9)
         assert total[c] == pytest.approx(log_total, rel=1e-9)
 
@@ -209,7 +214,9 @@ def test_the_evidence_is_the_sum_over_all_paths():
     v, S = rng.normal(size=6), own.noise + rng.uniform(0.5, 2.0, 6)
     spare = [n / w - n if w else 0.0 for n, w in zip(own.noise, own.weight, strict=True)]
     before = [memory[0, RANGE, 3], *own.residual[:-1]]
-    like = np.array([log_densities(*row) for row in zip(own.residual, own.sigma, own.noise, before, strict=True)])
+    like = np.array(
+        [log_densities(*row) for row in zip(own.residual, own.sigma, own.noise, before, strict=True)]
+    )
     like[:, GOOD] = norm.logpdf(v, 0, np.sqrt(S + spare))
     A, chance = transition(memory[0, RANGE, 4]), memory[0, RANGE, :3]
     total = 0.0
@@ -220,27 +227,6 @@ def test_the_evidence_is_the_sum_over_all_paths():
         total += p * np.exp(like[range(6), path].sum())
     found, *_ = status.log_evidence(rows, own, v, S, memory, -1)
     assert found == pytest.approx(np.log(total), rel=1e-9)
-
-
-def test_nothing_is_expected_of_an_excluded_sensor():
-    rows, own, memory = case([RANGE] * 5, 1, [(2, 50.0)])
-    S = own.sigma**2
-    total, due, spread = status.log_evidence(rows, own, own.residual, S, memory.copy(), 0)
-    assert due == pytest.approx(total)
-    assert spread == 0.0
-
-
-def test_what_is_expected_of_good_rows_is_what_they_bring():
-    """Mean and variance of the log likelihood over many draws of good rows, few outliers in the channel."""
-    rng, k = np.random.default_rng(0), 20000
-    rows = Rows(np.arange(k), np.zeros(k, "i2"), np.zeros(k, "i1"), np.zeros(k), np.ones(k), np.zeros((k, 3)))
-    own = small.fresh(rows)
-    own.sigma[:], own.noise[:], own.residual[:] = 2.0, 4.0, rng.normal(scale=2.0, size=k)
-    memory = status.fresh_memory(1)
-    memory[..., 4] = 1e-6
-    total, due, spread = status.log_evidence(rows, own, own.residual, own.sigma**2, memory, -1)
-    assert abs(total - due) < 4 * np.sqrt(spread)
-    assert spread == pytest.approx(0.5 * k, rel=0.05)
 
 
 @settings(deadline=None, derandomize=True, max_examples=50)
@@ -258,7 +244,7 @@ def test_probabilities_of_the_statuses_sum_to_one(residuals, s, share):
 
 
 def labelled(weight, *, length=None, alone=False, channels=None):
-    rows, own, _ = case(channels or [RANGE] * len(weight), 0)
+    rows, _own, _ = case(channels or [RANGE] * len(weight), 0)
     length = np.zeros((1, 13), np.int64) if length is None else length
     verdict, reason = np.zeros((2, len(weight)), "i1")
     status.label(rows, np.array(weight, "f4"), length, np.array([alone]), verdict, reason)
@@ -307,9 +293,7 @@ def test_a_trace_of_nothing():
     out = passes.trace(1, 9, 0)
     own = type(own)(*(column[:0] for column in own))
     assert status.posterior(none, own, memory, -1) == 0.0
-    assert status.log_evidence(none, own, out.v, out.S, memory, -1) == (0.0, 0.0, 0.0)
-
-
+    assert not any(status.log_evidence(none, own, out.v, out.S, memory, -1))
 
 
 @pytest.mark.parametrize(
@@ -320,15 +304,22 @@ def test_a_trace_of_nothing():
         pytest.param(
             0.03,
             marks=pytest.mark.xfail(
-                strict=True, reason="being still in a run is learned as a new outlier: P(outlier) and P(run) raise each other"
+                strict=True,
+                reason="being still in a run is learned as a new outlier, so each raises the other",
             ),
         ),
     ],
 )
 def test_a_channel_recovers_from_one_outlier(share):
-    """One gross error, then hundreds of good rows, window by window; ``share`` R / s² of a vague prediction."""
+    """One gross error, then hundreds of good rows, window by window; ``share`` is R / s²."""
     rng, window, cut, count = np.random.default_rng(0), 20, 5, 300
-    rows = Rows(np.arange(count), np.zeros(count, "i2"), np.zeros(count, "i1"), *(np.zeros(count),) * 2, np.zeros((count, 3)))
+    rows = Rows(
+        np.arange(count),
+        np.zeros(count, "i2"),
+        np.zeros(count, "i1"),
+        *(np.zeros(count),) * 2,
+        np.zeros((count, 3)),
+    )
     own = small.fresh(rows)
     own.sigma[:], own.noise[:] = 1.0, share
     own.residual[:] = 0.5 * rng.normal(size=count)
