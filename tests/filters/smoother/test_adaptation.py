@@ -10,8 +10,6 @@ from filters.smoother.passes import Scores
 from tests.filters.smoother import small
 from tests.filters.smoother.test_passes import both
 
-pytestmark = pytest.mark.decision
-
 PRIOR = motion.PSD
 IS_INS = np.array([True, False])
 

@@ -221,15 +221,13 @@ def test_an_acceleration_ties_nothing_down(channel, ties):
     assert told.fixed[0] == ties
 
 
+@pytest.mark.parametrize("excluded", [-1, 0])
 @pytest.mark.parametrize(("channel", "ties"), [(RANGE, True), (RANGE_RATE, False)])
-def test_a_range_rate_ties_nothing_down(channel, ties):
+def test_a_range_rate_ties_nothing_down_nor_does_an_excluded_sensor(channel, ties, excluded):
     sensor = small.radar()
     model = state.build([sensor])
     x, P = start(model)
     x[:3] = 300.0, 400.0, 100.0
-    seen = small.polar(sensor, x[:3], x[3:6])[channel]
-    *_, told = admit(model, small.as_rows([(0.0, 0, channel, seen)], model), x, P)
-    assert told.fixed[0] == ties
-    assert not admit(model, small.as_rows([(0.0, 0, channel, seen)], model), *start(model), excluded=0)[
-        -1
-    ].fixed[0]
+    rows = small.as_rows([(0.0, 0, channel, small.polar(sensor, x[:3], x[3:6])[channel])], model)
+    *_, told = admit(model, rows, x, P, excluded=excluded)
+    assert told.fixed[0] == (ties and excluded != 0)
