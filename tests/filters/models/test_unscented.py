@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter
-from filters.window import passes as window
 
 from filters.models import model, motion, unscented
 from filters.models.rows import AZIMUTH, CHANNELS, ELEVATION, RANGE, RANGE_RATE
+from filters.window import passes as window
 from tests.filters import full_ukf
 from tests.filters.scenes import scene, sensors
 
