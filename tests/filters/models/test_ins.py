@@ -5,7 +5,7 @@ import pytest
 
 from filters.models import ins
 from filters.models.rows import AE, AU, CHANNELS, VE, E
-from tests.filters.smoother.differences import derivatives
+from tests.filters.smoother.kit.differences import derivatives
 
 pytestmark = pytest.mark.decision
 

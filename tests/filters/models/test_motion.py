@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from filters.models import motion
 from filters.models.motion import CORE
 from filters.models.state import build
-from tests.filters.smoother import small
+from tests.filters.smoother.kit import small
 
 pytestmark = pytest.mark.decision
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from filters.models import radar
-from tests.filters.smoother.differences import derivatives
+from tests.filters.smoother.kit.differences import derivatives
 
 pytestmark = pytest.mark.decision
 

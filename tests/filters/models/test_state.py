@@ -13,8 +13,8 @@ from filters.models.unscented import difference
 from filters.models.update import update
 from filters.smoother import passes
 from tests.filters import full_ukf
-from tests.filters.smoother import small
-from tests.filters.smoother.differences import derivatives
+from tests.filters.smoother.kit import small
+from tests.filters.smoother.kit.differences import derivatives
 
 pytestmark = pytest.mark.decision
 

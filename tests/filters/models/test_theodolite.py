@@ -7,7 +7,7 @@ import pytest
 
 from filters.models import theodolite
 from filters.models.rows import AZIMUTH, ELEVATION, RANGE
-from tests.filters.smoother.differences import derivatives
+from tests.filters.smoother.kit.differences import derivatives
 
 pytestmark = pytest.mark.decision
 

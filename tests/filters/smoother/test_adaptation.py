@@ -7,7 +7,7 @@ from filters.models import motion, state
 from filters.models.rows import VE, E
 from filters.smoother import adaptation, passes
 from filters.smoother.passes import Scores
-from tests.filters.smoother import small
+from tests.filters.smoother.kit import small
 from tests.filters.smoother.test_passes import both
 
 PRIOR = motion.PSD

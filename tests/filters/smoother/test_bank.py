@@ -14,7 +14,7 @@ from filters.smoother import bank, status
 from filters.smoother.bank import Bank, Prior, apart
 from filters.smoother.buffer import Outcome, Rows, outcome
 from filters.smoother.hypothesis import Workspace
-from tests.filters.smoother import small
+from tests.filters.smoother.kit import small
 
 INS, A, B, RADAR = small.four()
 PASSIVE_A = A._replace(sigma=small.sigmas(az=1e-4, el=1e-4))

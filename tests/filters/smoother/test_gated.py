@@ -10,7 +10,7 @@ from filters.models.rows import AE, RANGE, RANGE_RATE, E
 from filters.models.update import weight
 from filters.smoother import gated, passes, status
 from filters.smoother.buffer import Rows, outcome
-from tests.filters.smoother import small
+from tests.filters.smoother.kit import small
 
 pytestmark = pytest.mark.decision
 

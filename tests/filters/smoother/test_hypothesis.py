@@ -9,7 +9,7 @@ from filters.models.rows import AZIMUTH, RANGE, E
 from filters.smoother import gated, status
 from filters.smoother.buffer import Rows, outcome
 from filters.smoother.hypothesis import Hypothesis, Moment, Workspace
-from tests.filters.smoother import small
+from tests.filters.smoother.kit import small
 
 NEVER = np.iinfo(np.int64).max
 

@@ -7,7 +7,7 @@ from filters.models import state
 from filters.models.motion import CORE
 from filters.models.rows import E
 from filters.smoother import passes
-from tests.filters.smoother import small
+from tests.filters.smoother.kit import small
 
 pytestmark = pytest.mark.decision
 

@@ -8,7 +8,7 @@ from filters.models import state
 from filters.models.motion import CORE
 from filters.models.rows import AZIMUTH, ELEVATION, RANGE, E
 from filters.smoother import start
-from tests.filters.smoother import small
+from tests.filters.smoother.kit import small
 
 pytestmark = pytest.mark.decision
 

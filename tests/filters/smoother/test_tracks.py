@@ -6,7 +6,7 @@ import pytest
 from filters.models import state
 from filters.models.rows import TRACK
 from filters.smoother import tracks
-from tests.filters.smoother import small
+from tests.filters.smoother.kit import small
 
 pytestmark = pytest.mark.decision
 
