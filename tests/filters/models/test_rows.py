@@ -1,0 +1,38 @@
+"""The tables that everything else indexes into."""
+
+import numpy as np
+import pytest
+
+from filters.models import rows
+from filters.models.rows import CHANNELS, ROW, TRACK, VERDICT, VERDICTS, Sensor
+
+pytestmark = pytest.mark.decision
+
+
+@pytest.mark.parametrize("k", range(len(CHANNELS)))
+def test_every_channel_has_its_constant(k):
+    assert getattr(rows, CHANNELS[k].upper()) == k
+
+
+@pytest.mark.parametrize("k", range(len(VERDICTS)))
+def test_every_verdict_has_its_constant(k):
+    assert getattr(rows, VERDICTS[k].upper()) == k
+
+
+def test_axes_follow_one_another():
+    assert (rows.E, rows.VE, rows.AE) == (4, 7, 10)
+    assert len(CHANNELS) - 1 == rows.AU
+
+
+def test_small_types_hold_all_that_they_index():
+    assert len(CHANNELS) <= np.iinfo(ROW["channel"]).max
+    assert len(VERDICTS) <= np.iinfo(VERDICT["verdict"]).max
+    assert TRACK["x"].shape == (9,)
+    assert TRACK["P"].shape == (9, 9)
+
+
+def test_a_sensor_stands_level_at_the_station_unless_told_otherwise():
+    sensor = Sensor("a", "theodolite", np.ones(13))
+    assert np.array_equal(sensor.offset_m, np.zeros(3))
+    assert np.array_equal(sensor.rotation, np.eye(3))
+    assert sensor.estimate == ()

@@ -1,0 +1,163 @@
+"""Densities and noise by scoring: where they go, how fast, and back."""
+
+import numpy as np
+import pytest
+
+from filters.models import motion, state
+from filters.models.rows import VE, E
+from filters.smoother import adaptation, passes
+from filters.smoother.passes import Scores
+from tests.filters.smoother.kit import small
+from tests.filters.smoother.test_passes import both
+
+PRIOR = motion.PSD
+IS_INS = np.array([True, False])
+
+
+def scores(slope=0.0, information=0.0, noise_slope=0.0, noise_information=0.0):
+    return Scores(
+        np.stack([np.full(4, float(slope)), np.full(4, float(information))]),
+        np.stack([np.full((2, 13), float(noise_slope)), np.full((2, 13), float(noise_information))]),
+    )
+
+
+def repeat(now, found, times=60):
+    for _ in range(times):
+        now = adaptation.densities(now, PRIOR, found)
+    return now
+
+
+def window_of_positions(acceleration, seed=0):
+    """(model, rows, x, P) of an INS that stands and is then pushed north."""
+    rng = np.random.default_rng(seed)
+    model = state.build([small.ins(p=0.2, v=0.1)])
+    said = []
+    for k in range(30):
+        t = 0.1 * k
+        moved = max(0.0, t - 1.5)
+        p, v = [0.0, 0.5 * acceleration * moved**2, 0.0], [0.0, acceleration * moved, 0.0]
+        said += [(t, 0, E + a, p[a] + 0.2 * rng.normal()) for a in range(3)]
+        said += [(t, 0, VE + a, v[a] + 0.1 * rng.normal()) for a in range(3)]
+    P = state.prior_covariance(model)
+    P[range(9), range(9)] = 1.0
+    return model, small.as_rows(said, model), np.zeros(len(model.prior)), P
+
+
+def settle(acceleration, start=PRIOR):
+    model, rows, x, P = window_of_positions(acceleration)
+    psd = start.copy()
+    for _ in range(25):
+        psd = adaptation.densities(psd, PRIOR, both(model, rows, x, P, 1.0, psd=psd)[2])
+    return psd
+
+
+def test_densities_go_up_on_a_manoeuvre_where_it_happens():
+    calm, hard = settle(0.0), settle(40.0)
+    assert hard[0] > 3 * PRIOR[0]
+    assert hard[0] > 3 * calm[0]
+    assert hard[1] < 2 * PRIOR[1]  # nothing happens in the vertical
+
+
+def test_where_they_settle_does_not_depend_on_where_they_began():
+    wide, slim = settle(10.0, 50.0 * PRIOR), settle(10.0, 0.05 * PRIOR)
+    assert np.allclose(np.log(wide), np.log(slim), atol=0.05)
+
+
+def test_they_settle_where_the_posterior_is_flat():
+    """Slope of log likelihood and log prior by differences of the evidence: the maximum of their sum."""
+    model, rows, x, P = window_of_positions(10.0)
+    psd = settle(10.0)
+    H = np.zeros((len(rows.t), len(x)))
+    for i, c in enumerate(rows.channel):
+        H[i, c - E] = 1.0
+        H[i, model.bias_at[0, c]] = 1.0
+
+    def log_posterior(shift):
+        now = psd * np.exp(shift)
+        off = np.log(now / PRIOR) / adaptation.MOTION_SIGMA
+        return small.Dense(model, rows, x, P, now, H).log_density(rows.stated) - 0.5 * off @ off
+
+    for j in range(4):
+        h = 1e-3 * np.eye(4)[j]
+        slope = (log_posterior(h) - log_posterior(-h)) / 2e-3
+        assert abs(slope) < 0.05
+
+
+@pytest.mark.parametrize("factor", [0.01, 50.0])
+def test_without_information_densities_go_back_to_their_prior(factor):
+    assert np.allclose(repeat(factor * PRIOR, scores()), PRIOR, rtol=1e-6)
+
+
+def test_a_step_has_a_longest_and_densities_have_bounds():
+    once = adaptation.densities(PRIOR, PRIOR, scores(slope=1e9, information=1e-9))
+    assert np.allclose(
+        np.log(once / PRIOR), np.minimum(adaptation.MOTION_STEP, np.log(motion.HIGHEST / PRIOR))
+    )
+    assert np.array_equal(repeat(PRIOR, scores(slope=1e9)), motion.HIGHEST)
+    assert np.array_equal(repeat(PRIOR, scores(slope=-1e9)), motion.LOWEST)
+
+
+# ---- noise
+
+
+def test_before_the_first_row_the_noise_is_as_stated():
+    prior = adaptation.noise_prior(IS_INS)
+    assert not prior[0].any()
+    assert np.allclose(prior[1, 1], adaptation.NOISE_SIGMA**-2)
+    assert (prior[1, 0, VE:] < prior[1, 0, E]).all()  # nobody states the vibration
+
+
+def learn(variance, rows_per_second=20, seconds=60, seed=0):
+    """Log scale of a range whose residuals have ``variance`` times the stated one, known from elsewhere."""
+    rng, prior = np.random.default_rng(seed), adaptation.noise_prior(IS_INS)
+    known = prior
+    for _ in range(seconds):
+        noise = np.exp(known[0, 1, 0])
+        residual = rng.normal(scale=np.sqrt(variance), size=rows_per_second)
+        found = passes.scores(2, 13)
+        found.noise[0, 1, 0] = 0.5 * (residual**2 / noise - 1.0).sum()  # of ½ log N(r; 0, R) by log R
+        found.noise[1, 1, 0] = 0.5 * rows_per_second
+        known = adaptation.follow_noise(known, prior, found, 1.0)
+    return known
+
+
+@pytest.mark.parametrize("variance", [0.4, 1.0, 4.0, 20.0])
+def test_noise_is_learned_up_and_down(variance):
+    known = learn(variance)
+    assert known[0, 1, 0] == pytest.approx(np.log(variance), abs=0.45)
+    others = np.ones((2, 13), bool)
+    others[1, 0] = False
+    assert not known[0][others].any()
+
+
+def test_noise_has_bounds():
+    assert learn(1e-4)[0, 1, 0] == adaptation.LOWEST
+    assert learn(1e9)[0, 1, 0] == adaptation.HIGHEST
+
+
+def test_unheard_noise_goes_back_to_its_prior():
+    known, prior = learn(9.0), adaptation.noise_prior(IS_INS)
+    before = np.abs(known[0]).copy()
+    for _ in range(4):
+        known = adaptation.follow_noise(known, prior, passes.scores(2, 13), 10.0)
+        assert (np.abs(known[0]) <= before).all()
+        before = np.abs(known[0])
+    long_after = adaptation.follow_noise(known, prior, passes.scores(2, 13), 1e4)
+    assert np.allclose(long_after[0], 0.0, atol=1e-9)
+    assert np.allclose(long_after[1], prior[1])
+
+
+def test_memory_is_of_data_time_not_of_calls():
+    known, prior, none = learn(9.0), adaptation.noise_prior(IS_INS), passes.scores(2, 13)
+    once = adaptation.follow_noise(known, prior, none, 8.0)
+    twice = adaptation.follow_noise(adaptation.follow_noise(known, prior, none, 3.0), prior, none, 5.0)
+    assert np.allclose(once, twice)
+
+
+def test_what_is_learned_is_the_weighted_mean_of_prior_and_data():
+    """One quadratic log likelihood of middle μ and information I: posterior μ I / (I + prior's)."""
+    prior = adaptation.noise_prior(IS_INS)
+    middle, information = 0.8, 7.0
+    known = adaptation.follow_noise(prior, prior, scores(0, 0, middle * information, information), 0.0)
+    assert np.allclose(known[0], middle * information / (information + prior[1]))
+    assert np.allclose(known[1], information + prior[1])

@@ -1,0 +1,183 @@
+"""The passes against dense Gaussian conditioning, rows left out one by one, and differences."""
+
+import numpy as np
+import pytest
+
+from filters.models import state
+from filters.models.motion import CORE
+from filters.models.rows import E
+from filters.smoother import passes
+from tests.filters.smoother.kit import small
+
+pytestmark = pytest.mark.decision
+
+WEIGHTS = {
+    "all used": lambda k: np.ones(k),
+    "some refused": lambda k: (np.arange(k) % 3 != 1).astype(float),
+    "between": lambda k: np.linspace(0.1, 1.0, k),
+    "every kind": lambda k: np.array([1.0, 0.0, 0.3])[np.arange(k) % 3],
+    "none used": lambda k: np.zeros(k),
+}
+
+
+def both(model, rows, x, P, weight, psd=small.PSD, noise=None, keep=None):
+    """(own, trace, scores, r, N) after one pass forward and backward."""
+    own = small.fresh(rows)
+    own.weight[:] = weight
+    if noise is not None:
+        own.noise[:] = noise
+    n, k = len(x), len(rows.t)
+    keep = k if keep is None else keep
+    out, found = passes.trace(k, n, k), passes.scores(*model.variance.shape)
+    work, r, N = state.scratch(n), np.zeros(n), np.zeros((n, n))
+    densities = np.array([psd])
+    head_x, head_P = x.copy(), P.copy()
+    passes.forward(model, rows, own, densities, head_x, head_P, int(rows.t[0]), keep, out, work)
+    passes.backward(model, rows, own, densities, keep, out, r, N, found, work)
+    return own, out, found, head_x, head_P
+
+
+def in_use(own):
+    return np.flatnonzero(own.weight > 0), own.noise / np.maximum(own.weight, 1e-30)
+
+
+@pytest.mark.parametrize("kind", WEIGHTS)
+def test_deletion_residuals_are_those_of_leaving_one_row_out(kind):
+    model, rows, x, P, H = small.linear_case()
+    own, *_ = both(model, rows, x, P, WEIGHTS[kind](len(rows.t)))
+    dense, (use, noise) = small.Dense(model, rows, x, P, small.PSD, H), in_use(own)
+    for k in range(len(rows.t)):
+        residual, sigma = dense.left_out(k, use, noise, own.noise[k])
+        assert own.residual[k] == pytest.approx(residual, abs=1e-6)
+        assert own.sigma[k] == pytest.approx(sigma, rel=1e-7)
+
+
+@pytest.mark.parametrize("kind", WEIGHTS)
+def test_smoothed_states_are_the_batch_solution(kind):
+    model, rows, x, P, H = small.linear_case(1)
+    own, out, _, head_x, head_P = both(model, rows, x, P, WEIGHTS[kind](len(rows.t)))
+    dense = small.Dense(model, rows, x, P, small.PSD, H)
+    mean, cov = dense.given(*in_use(own))
+    n = dense.n
+    for e, t in enumerate(np.unique(rows.t)):
+        first, at = np.searchsorted(rows.t, t), slice(e * n, (e + 1) * n)
+        assert np.allclose(out.x[first], mean[at], atol=1e-7)
+        assert np.allclose(out.P[first][:CORE, :CORE], cov[at, at][:CORE, :CORE], atol=1e-7)
+    assert np.allclose(head_x, mean[-n:], atol=1e-7)
+    assert np.allclose(head_P, cov[-n:, -n:], atol=1e-7)
+
+
+@pytest.mark.parametrize(
+    "prior_m",
+    [
+        1e2,
+        1e3,
+        pytest.param(
+            1e5,
+            marks=pytest.mark.xfail(
+                strict=True, reason="P − P N P cancels: N is not known to 1 / P², as that needs"
+            ),
+        ),
+    ],
+)
+def test_deletion_residuals_and_smoothed_states_after_a_start(prior_m):
+    """Five positions at one instant, the first one refused: closed form, however little was known before."""
+    model = state.build([small.ins(str(s), p=1.0) for s in range(5)])
+    values = np.random.default_rng(0).normal(size=5)
+    rows = small.as_rows([(0.0, s, E, value) for s, value in enumerate(values)], model)
+    x, P = np.zeros(len(model.prior)), state.prior_covariance(model)
+    P[range(CORE), range(CORE)] = prior_m**2
+    own, out, *_ = both(model, rows, x, P, np.array([0.0, 1, 1, 1, 1]))
+    each = 1.0 + model.prior[model.bias_at[0, E]]
+    place = 1.0 / (prior_m**-2 + 4.0 / each)
+    assert own.sigma[0] == pytest.approx(np.sqrt(place + each), rel=1e-3)
+    assert own.residual[0] == pytest.approx(values[0] - place / each * values[1:].sum(), abs=1e-5)
+    assert out.P[0][0, 0] == pytest.approx(place, rel=1e-3)
+
+
+def test_only_the_kept_rows_states_are_smoothed_and_their_noise_scored():
+    model, rows, x, P, _ = small.linear_case(2)
+    whole = both(model, rows, x, P, 1.0)
+    some = both(model, rows, x, P, 1.0, keep=8)
+    assert np.array_equal(whole[1].x[:8], some[1].x[:8])
+    assert not some[1].x[8:].any()
+    assert np.array_equal(whole[0].residual, some[0].residual)
+    first = both(model, rows, x, P, 1.0, keep=0)
+    assert not first[2].noise.any()
+    assert np.array_equal(first[2].motion, whole[2].motion)
+
+
+def test_the_slope_by_the_motion_densities_is_that_of_the_log_likelihood():
+    model, rows, x, P, H = small.linear_case(3)
+    own, _, found, *_ = both(model, rows, x, P, WEIGHTS["between"](len(rows.t)))
+    _, noise = in_use(own)
+    h = 1e-4
+    for j in range(4):
+        up, down = (
+            small.Dense(model, rows, x, P, small.PSD * np.exp(sign * h * np.eye(4)[j]), H).log_density(noise)
+            for sign in (1, -1)
+        )
+        assert found.motion[0, j] == pytest.approx((up - down) / (2 * h), abs=2e-5)
+
+
+def test_the_slope_by_the_noise_is_that_of_the_log_likelihood():
+    model, rows, x, P, H = small.linear_case(4)
+    own, _, found, *_ = both(model, rows, x, P, 1.0)
+    dense, h = small.Dense(model, rows, x, P, small.PSD, H), 1e-4
+    for c in np.unique(rows.channel):
+        mine = rows.channel == c
+        up, down = (dense.log_density(own.noise * np.exp(sign * h * mine)) for sign in (1, -1))
+        assert found.noise[0, 0, c] == pytest.approx((up - down) / (2 * h), abs=2e-5)
+
+
+def test_refused_rows_say_nothing_of_the_noise():
+    model, rows, x, P, _ = small.linear_case(4)
+    refused = rows.channel == rows.channel[0]
+    _, _, found, *_ = both(model, rows, x, P, np.where(refused, 0.0, 1.0))
+    assert not found.noise[:, 0, rows.channel[0]].any()
+    assert (found.noise[1, 0, np.unique(rows.channel[~refused])] > 0).all()
+
+
+def test_expected_information_is_positive_and_never_more_than_fishers():
+    """Each row's and each step's own share of ½ tr(Σ⁻¹ ∂Σ Σ⁻¹ ∂Σ); products of two are not negative."""
+    model, rows, x, P, H = small.linear_case(5)
+    own, _, found, *_ = both(model, rows, x, P, 1.0)
+
+    def covariance(psd, noise):
+        return small.Dense(model, rows, x, P, psd, H).rows(noise)[1]
+
+    S, h = covariance(small.PSD, own.noise), 1e-3
+
+    def fisher(up, down):
+        A = np.linalg.solve(S, (up - down) / (2 * h))
+        return 0.5 * np.trace(A @ A)
+
+    for j in range(4):
+        one = h * np.eye(4)[j]
+        full = fisher(*(covariance(small.PSD * np.exp(one * sign), own.noise) for sign in (1, -1)))
+        assert 0.0 < found.motion[1, j] <= full * (1 + 1e-6)
+    for c in np.unique(rows.channel):
+        mine = rows.channel == c
+        full = fisher(*(covariance(small.PSD, own.noise * np.exp(sign * h * mine)) for sign in (1, -1)))
+        assert 0.0 < found.noise[1, 0, c] <= full * (1 + 1e-6)
+
+
+def test_a_regime_drives_the_motion_on_the_way_to_its_rows():
+    model, rows, x, P, _H = small.linear_case(6)
+    own, n = small.fresh(rows), len(x)
+    own.regime[rows.t >= rows.t[8]] = 1
+    densities = np.array([small.PSD, 100.0 * small.PSD])
+    at, out = int(rows.t[0]), passes.trace(len(rows.t), n, 1)
+    x_, P_ = x.copy(), P.copy()
+    passes.forward(model, rows, own, densities, x_, P_, at, 0, out, state.scratch(n))
+    before, after = rows.t < rows.t[8], rows.t >= rows.t[8]
+
+    def part(use, x, P, at, psd):
+        some = type(rows)(*(column[use] for column in rows))
+        own, out = small.fresh(some), passes.trace(use.sum(), n, 1)
+        passes.forward(model, some, own, np.array([psd]), x, P, at, 0, out, state.scratch(n))
+
+    part(before, x, P, at, densities[0])
+    part(after, x, P, int(rows.t[before][-1]), densities[1])
+    assert np.allclose(x, x_, atol=1e-12)
+    assert np.allclose(P, P_, atol=1e-12)

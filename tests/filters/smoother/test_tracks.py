@@ -1,0 +1,69 @@
+"""Published states: moved to the common clock, with a quality, and only when known well enough."""
+
+import numpy as np
+import pytest
+
+from filters.models import state
+from filters.models.rows import TRACK
+from filters.smoother import tracks
+from tests.filters.smoother.kit import small
+
+pytestmark = pytest.mark.decision
+
+
+def track(position=(0.0, 1000.0, 0.0), sigma_m=1.0, sigma_mps=1.0, ambiguous=False):
+    out = np.zeros(1, TRACK)
+    out["x"][0] = [*position, 10.0, -5.0, 2.0, 1.0, 0.5, -0.5]
+    out["P"][0, range(9), range(9)] = np.repeat([sigma_m, sigma_mps, 1.0], 3) ** 2
+    out["ambiguous"] = ambiguous
+    return out
+
+
+FAR_M = tracks.KNOWN_M / tracks.KNOWN_SHARE
+
+
+def known(model, one):
+    return bool(tracks.known(model, one)[0])
+
+
+def test_a_state_is_moved_back_along_its_own_motion():
+    """What was called t happened at t − shift: with constant acceleration exactly."""
+    p, v, a = np.split(track()["x"][0], 3)
+    shift = 0.2
+    x = tracks.polished(track(), np.array([shift]))["x"][0]
+    assert np.allclose(x[:3], p - shift * v + 0.5 * shift**2 * a)
+    assert np.allclose(x[3:6], v - shift * a)
+    assert np.allclose(x[6:], a)
+
+
+@pytest.mark.parametrize(("sigma_m", "quality"), [(0.0, 100), (tracks.HALF_QUALITY_M / np.sqrt(3), 50)])
+def test_quality_is_half_at_the_named_sigma(sigma_m, quality):
+    assert tracks.polished(track(sigma_m=sigma_m), np.zeros(1))["quality"][0] == quality
+
+
+def test_quality_falls_with_sigma_and_where_it_is_ambiguous():
+    found = [tracks.polished(track(sigma_m=s), np.zeros(1))["quality"][0] for s in (0.1, 1, 10, 100, 1e5)]
+    assert (np.diff(found) < 0).all()
+    assert tracks.polished(track(sigma_m=0.1, ambiguous=True), np.zeros(1))["quality"][0] == tracks.DOUBTFUL
+
+
+@pytest.mark.parametrize(
+    ("sigma", "distance", "told"),
+    [(0.9, 0.5, True), (1.1, 0.5, False), (1.1, 2.0, True), (1.9, 2.0, True), (2.1, 2.0, False)],
+)
+def test_a_state_is_published_when_known_to_metres_or_a_share_of_the_distance(sigma, distance, told):
+    """``sigma`` in units of the limit near by, ``distance`` of that from which the share counts."""
+    model = state.build([small.theodolite()])
+    one = track((0.0, distance * FAR_M, 0.0), sigma * tracks.KNOWN_M)
+    assert known(model, one) == told
+
+
+def test_the_nearest_instrument_counts():
+    model = state.build([small.theodolite(), small.theodolite("b", (0.0, 3.9 * FAR_M, 0.0))])
+    assert not known(model, track((0.0, 4.0 * FAR_M, 0.0), 1.5 * tracks.KNOWN_M))
+
+
+def test_without_a_speed_it_is_not_known():
+    model = state.build([small.ins()])
+    assert known(model, track(sigma_mps=0.9 * tracks.KNOWN_M))
+    assert not known(model, track(sigma_mps=1.1 * tracks.KNOWN_M))
