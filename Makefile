@@ -5,7 +5,9 @@ BIN := .venv/bin
 
 QUICK := not slow and not network and not torch and not browser
 
-.PHONY: demo test check bench format clean
+PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
+
+.PHONY: demo test check bench format lock clean
 
 demo: .venv/core
 	$(BIN)/gcs demo
@@ -32,18 +34,25 @@ format: .venv/test
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
-.venv/core: pyproject.toml
+lock:   # constraints.txt from the newest versions that pyproject.toml allows; run `make test` before it is kept
+	$(PYTHON) -m venv --clear .venv/newest
+	.venv/newest/bin/python -m pip install --quiet --disable-pip-version-check '.[test,train,bench]'
+	sed -i '/^[^#]/d' constraints.txt
+	.venv/newest/bin/python -m pip freeze --exclude gcs-trajectory >> constraints.txt
+	rm -rf .venv/newest
+
+.venv/core: pyproject.toml constraints.txt
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed: make PYTHON=python3.11")'
 	test -x $(BIN)/python || $(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable .
+	$(PIP) --editable .
 	touch $@
 
 .venv/check: .venv/core
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[test]'
+	$(PIP) --editable '.[test]'
 	touch $@
 
 .venv/test: .venv/core
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[test,train,bench]'
+	$(PIP) --editable '.[test,train,bench]'
 	touch $@
 
 clean:

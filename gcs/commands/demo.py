@@ -22,7 +22,7 @@ from gcs.contract import config as configuration
 from gcs.contract.messages import InputError
 from gcs.outputs.console import say
 
-SAMPLE = Path(__file__).resolve().parents[2] / "logs" / "sample"
+SAMPLE = Path(__file__).resolve().parents[1] / "sample"  # of a clone: a link to logs/sample
 FLIGHT = SAMPLE / "flight.tlog"
 AFTER_S = 2.0  # the last measurements are on their way for less than this
 READ = {"theodolite": theodolite.read, "radar": radar.read}
@@ -43,9 +43,9 @@ def command(
     """
     stop = stopped()
     if not FLIGHT.is_file():
-        raise InputError(f"{FLIGHT}: the sample flight is not here; run the demo from a clone of the project")
+        raise InputError(f"{FLIGHT}: the sample flight is not here; install the package again")
     resolved = configuration.load(SAMPLE / "station.toml", config)
-    say("theodolite and radar feeds are simulated from the flight's truth: see logs/sample/README.md")
+    say(f"theodolite and radar feeds are simulated from the flight's truth: see {SAMPLE / 'README.md'}")
     feeds = partial(_start, resolved, stop)
     serve(resolved, out, stop, view=view, seconds=seconds, beside=feeds)
 
