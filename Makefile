@@ -38,7 +38,7 @@ lock:   # constraints.txt from the newest versions that pyproject.toml allows; r
 	$(PYTHON) -m venv --clear .venv/newest
 	.venv/newest/bin/python -m pip install --quiet --disable-pip-version-check '.[test,train,bench]'
 	sed -i '/^[^#]/d' constraints.txt
-	.venv/newest/bin/python -m pip freeze --exclude gcs-trajectory >> constraints.txt
+	.venv/newest/bin/python -m pip freeze --all --exclude gcs-trajectory --exclude pip >> constraints.txt
 	rm -rf .venv/newest
 
 .venv/core: pyproject.toml constraints.txt
