@@ -7,7 +7,7 @@ QUICK := not slow and not network and not torch and not browser
 
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 
-.PHONY: demo test check bench format lock clean
+.PHONY: demo test check bench format wheel lock clean
 
 demo: .venv/core
 	$(BIN)/gcs demo
@@ -33,6 +33,14 @@ bench: .venv/test
 format: .venv/test
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
+
+wheel: .venv/core   # what is shipped, tried in an empty environment and from another folder
+	rm -rf build dist
+	$(BIN)/python -m pip wheel --quiet --no-deps --wheel-dir dist .
+	$(PYTHON) -m venv --clear .venv/shipped
+	.venv/shipped/bin/python -m pip install --quiet --constraint constraints.txt dist/*.whl
+	cd "$$(mktemp -d)" && $(CURDIR)/.venv/shipped/bin/gcs demo --seconds 8 --no-view --out run && \
+	    test "$$(wc -l < run/track.csv)" -gt 1
 
 lock:   # constraints.txt from the newest versions that pyproject.toml allows; run `make test` before it is kept
 	$(PYTHON) -m venv --clear .venv/newest
