@@ -5,8 +5,9 @@ from functools import partial
 from bridges import feed
 
 COLUMNS = feed.COLUMNS
-LINK, RATE_HZ = "udp", 10.0
 
 read = partial(feed.read, columns=COLUMNS)
 decode = partial(feed.decode, columns=COLUMNS)
 run = partial(feed.run, columns=COLUMNS)
+
+LINK, RATE_HZ = "udp", 10.0

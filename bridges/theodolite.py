@@ -5,8 +5,9 @@ from functools import partial
 from bridges import feed
 
 COLUMNS = ("t", "range_m", "azimuth_deg", "elevation_deg")
-LINK, RATE_HZ = "udp", 20.0
 
 read = partial(feed.read, columns=COLUMNS)
 decode = partial(feed.decode, columns=COLUMNS)
 run = partial(feed.run, columns=COLUMNS)
+
+LINK, RATE_HZ = "udp", 20.0
