@@ -5,7 +5,9 @@ BIN := .venv/bin
 
 QUICK := not slow and not network and not torch and not browser
 
-.PHONY: demo test check bench format clean
+PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
+
+.PHONY: demo test check bench format wheel lock clean
 
 demo: .venv/core
 	$(BIN)/gcs demo
@@ -32,18 +34,33 @@ format: .venv/test
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
-.venv/core: pyproject.toml
+wheel: .venv/core   # what is shipped, tried in an empty environment and from another folder
+	rm -rf build dist
+	$(BIN)/python -m pip wheel --quiet --no-deps --wheel-dir dist .
+	$(PYTHON) -m venv --clear .venv/shipped
+	.venv/shipped/bin/python -m pip install --quiet --constraint constraints.txt dist/*.whl
+	cd "$$(mktemp -d)" && $(CURDIR)/.venv/shipped/bin/gcs demo --seconds 8 --no-view --out run && \
+	    test "$$(wc -l < run/track.csv)" -gt 1
+
+lock:   # constraints.txt from the newest versions that pyproject.toml allows; run `make test` before it is kept
+	$(PYTHON) -m venv --clear .venv/newest
+	.venv/newest/bin/python -m pip install --quiet --disable-pip-version-check '.[test,train,bench]'
+	sed -i '/^[^#]/d' constraints.txt
+	.venv/newest/bin/python -m pip freeze --all --exclude gcs-trajectory --exclude pip >> constraints.txt
+	rm -rf .venv/newest
+
+.venv/core: pyproject.toml constraints.txt
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed: make PYTHON=python3.11")'
 	test -x $(BIN)/python || $(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable .
+	$(PIP) --editable .
 	touch $@
 
 .venv/check: .venv/core
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[test]'
+	$(PIP) --editable '.[test]'
 	touch $@
 
 .venv/test: .venv/core
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[test,train,bench]'
+	$(PIP) --editable '.[test,train,bench]'
 	touch $@
 
 clean:

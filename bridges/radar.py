@@ -9,3 +9,5 @@ COLUMNS = feed.COLUMNS
 read = partial(feed.read, columns=COLUMNS)
 decode = partial(feed.decode, columns=COLUMNS)
 run = partial(feed.run, columns=COLUMNS)
+
+LINK, RATE_HZ = "udp", 10.0

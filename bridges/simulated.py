@@ -26,6 +26,7 @@ import msgspec
 import numpy as np
 
 from bridges import feed
+from bridges.instruments import KINDS
 from filters.simulation import scenario, simulate
 from gcs.contract import config
 from gcs.contract.frames import mount
@@ -37,7 +38,6 @@ if TYPE_CHECKING:  # a bridge is given its bus; zenoh is loaded by whoever opens
 TRUTH = np.dtype([("t_ns", "i8"), ("lat_deg", "f8"), ("lon_deg", "f8"), ("alt_m", "f8")])
 COLUMNS = {"range_m": 3, "azimuth_deg": 6, "elevation_deg": 6, "range_rate_mps": 3}  # decimals in files
 TO_FILE = np.array([1.0, np.degrees(1.0), np.degrees(1.0), 1.0])
-RATE_HZ = {"theodolite": 20.0, "radar": 10.0}
 OUTLIER_SHARE = 0.041  # of a phased-array radar record; see filters.simulation.simulate.contaminate
 
 
@@ -93,7 +93,7 @@ def observe(
     sigma = np.full(len(CHANNELS), np.nan)
     sigma[:4] = [instrument.sigma.get(name, np.nan) for name in COLUMNS] / TO_FILE
     sensor = simulate.Sensor(instrument.name, instrument.kind, sigma, refraction=instrument.refraction)
-    rate_hz = RATE_HZ[instrument.kind]
+    rate_hz = KINDS[instrument.kind].RATE_HZ
     seen = simulate.instrument(seen_from, sensor, rate_hz, rng, instrument.errors, t0_ns)
     return simulate.contaminate(seen, sigma[:4], rng, share)
 

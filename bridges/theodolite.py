@@ -9,3 +9,5 @@ COLUMNS = tuple(name for name in feed.COLUMNS if not name.endswith("range_rate_m
 read = partial(feed.read, columns=COLUMNS)
 decode = partial(feed.decode, columns=COLUMNS)
 run = partial(feed.run, columns=COLUMNS)
+
+LINK, RATE_HZ = "udp", 20.0

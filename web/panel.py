@@ -1,5 +1,6 @@
 """The panel beside the picture: state, sensors, legend, events. Text in, HTML out."""
 
+import json
 from datetime import UTC, datetime
 from html import escape
 
@@ -29,6 +30,21 @@ STYLE = f"""<style>
   text-align: center; border-radius: 0.4em; animation: gcs-lost 0.1s {LOST_S}s forwards; }}
 @keyframes gcs-lost {{ to {{ height: 1.8em; line-height: 1.8em; }} }}
 </style>"""
+
+# A track that passes through three sightings, for the browser's tab.
+ICON = (
+    "data:image/svg+xml,<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 32 32'>"
+    f"<path d='M2 27Q16 25 30 4' fill='none' stroke='{css(colours.FILTERED)}' stroke-width='4'/>"
+    f"<g fill='{css(colours.INSTRUMENTS[0])}'>"
+    "<circle cx='9' cy='22' r='4'/><circle cx='18' cy='20' r='4'/><circle cx='26' cy='8' r='4'/></g></svg>"
+)
+
+
+def title(scene: Scene) -> str:
+    """Names the browser's tab: viser's page has another name, and runs no script but an image's error."""
+    name, icon = json.dumps(f"{scene.range} · {scene.vehicle}"), json.dumps(ICON)
+    act = f"document.title = {name}; document.querySelector('link[rel=icon]').href = {icon}"
+    return f'<img src="data:," alt="" style="display: none" onerror="{escape(act)}">'
 
 
 def clock(t_ns: int) -> str:

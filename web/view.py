@@ -96,6 +96,7 @@ class View:
 
     def _build_panel(self, playback: Playable | None) -> None:
         gui = self._server.gui
+        gui.add_html(panel.title(self._scene))
         self._status = gui.add_html("")
         self._player = Player(gui, playback) if playback else None
         with gui.add_folder("Sensors"):

@@ -1,10 +1,12 @@
 """``gcs bridge``: one instrument onto the bus."""
 
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import App, Parameter
 
+from bridges.instruments import KINDS
 from gcs.commands.compose import open_bus
 from gcs.commands.options import Config, stopped
 from gcs.contract import config as configuration
@@ -69,39 +71,38 @@ def simulated(
         source.run(bus, track, instruments, seed, stopped(), share=outliers, speed=speed, now=now)
 
 
-def _instrument(kind: Literal["theodolite", "radar"]):
+def _instrument(kind: str) -> Callable[..., None]:
     """The command that bridges one instrument of a kind."""
+    source = KINDS[kind]
 
     def bridge(
         name: str,
         *,
         station: Path,
-        udp: Annotated[str | None, Parameter(help="HOST:PORT to listen on for JSON lines")] = None,
+        udp: Annotated[str | None, Parameter(help="HOST:PORT to listen on for its lines")] = None,
+        tcp: Annotated[str | None, Parameter(help="HOST:PORT of the instrument, to connect to")] = None,
         file: Annotated[Path | None, Parameter(help="a feed file, played at its own pace")] = None,
         speed: Annotated[float, Parameter(help="times real time, of a file")] = 1.0,
         config: Config = (),
     ) -> None:
-        from bridges import radar, theodolite
-
         resolved = configuration.load(station, config)
         known = [sensor.name for sensor in resolved.sensor if sensor.kind == kind]
         if name not in known:
             raise InputError(f"{station}: no {kind} {name!r}; it has {', '.join(known) or 'none'}")
-        origin: tuple[str, int] | Path
-        if udp is not None and file is None:
-            origin, pace = _address(udp), {}
-        elif file is not None and udp is None:
-            origin, pace = file, {"speed": speed}
-        else:
-            raise InputError("name one origin: --udp HOST:PORT or --file FILE.csv")
+        origins = {"udp": udp, "tcp": tcp, "file": file}
+        named = [option for option, value in origins.items() if value is not None]
+        if named not in ([source.LINK], ["file"]):
+            raise InputError(f"name one origin of a {kind}: --{source.LINK} HOST:PORT or --file FILE.csv")
         with _bridge_bus(resolved) as bus:
-            source = {"theodolite": theodolite, "radar": radar}[kind]
-            source.run(bus, name, origin, stopped(), **pace)
+            if file is not None:
+                source.run(bus, name, file, stopped(), speed=speed)
+            else:
+                source.run(bus, name, _address(source.LINK, str(origins[source.LINK])), stopped())
 
     return bridge
 
 
-for _kind in ("theodolite", "radar"):
+for _kind in KINDS:
     command.command(_instrument(_kind), name=_kind, help=f"One {_kind} onto the bus as ``raw/NAME``.")
 
 
@@ -110,8 +111,8 @@ def _bridge_bus(station: configuration.Station) -> "Bus":
     return open_bus(station, mode="client", waiting=say)
 
 
-def _address(text: str) -> tuple[str, int]:
+def _address(option: str, text: str) -> tuple[str, int]:
     host, _, port = text.rpartition(":")
     if not host or not port.isdigit():
-        raise InputError(f"--udp {text}: expected HOST:PORT, such as 127.0.0.1:9001")
+        raise InputError(f"--{option} {text}: expected HOST:PORT, such as 127.0.0.1:9001")
     return host, int(port)

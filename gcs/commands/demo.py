@@ -11,7 +11,8 @@ from typing import Annotated
 import numpy as np
 from cyclopts import Parameter
 
-from bridges import feed, radar, theodolite
+from bridges import feed
+from bridges.instruments import KINDS
 from bridges.tlog import flight as tlog_flight
 from bridges.tlog import tlog
 from bridges.tlog.scan import STAMP
@@ -22,10 +23,9 @@ from gcs.contract import config as configuration
 from gcs.contract.messages import InputError
 from gcs.outputs.console import say
 
-SAMPLE = Path(__file__).resolve().parents[2] / "logs" / "sample"
+SAMPLE = Path(__file__).resolve().parents[1] / "sample"  # of a clone: a link to logs/sample
 FLIGHT = SAMPLE / "flight.tlog"
 AFTER_S = 2.0  # the last measurements are on their way for less than this
-READ = {"theodolite": theodolite.read, "radar": radar.read}
 
 
 def command(
@@ -43,9 +43,9 @@ def command(
     """
     stop = stopped()
     if not FLIGHT.is_file():
-        raise InputError(f"{FLIGHT}: the sample flight is not here; run the demo from a clone of the project")
+        raise InputError(f"{FLIGHT}: the sample flight is not here; install the package again")
     resolved = configuration.load(SAMPLE / "station.toml", config)
-    say("theodolite and radar feeds are simulated from the flight's truth: see logs/sample/README.md")
+    say(f"theodolite and radar feeds are simulated from the flight's truth: see {SAMPLE / 'README.md'}")
     feeds = partial(_start, resolved, stop)
     serve(resolved, out, stop, view=view, seconds=seconds, beside=feeds)
 
@@ -56,7 +56,8 @@ def _start(resolved: configuration.Station, stop: threading.Event, stack: ExitSt
     begin_ns = int(tlog_flight.ins(log, resolved.vehicle.system_id)["t_ns"].min())
     players = [threading.Thread(target=send, args=(log, resolved.mavlink.link, stop), daemon=True)]
     for sensor in resolved.sensor:
-        due = feed.timeline(sensor.name, *READ[sensor.kind](SAMPLE / f"{sensor.name}.csv", sensor.name))
+        rows, bad = KINDS[sensor.kind].read(SAMPLE / f"{sensor.name}.csv", sensor.name)
+        due = feed.timeline(sensor.name, rows, bad)
         bus = stack.enter_context(open_bus(resolved, mode="client"))
         bus.declare_alive(sensor.name)
         players.append(

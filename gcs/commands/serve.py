@@ -81,11 +81,12 @@ def serve(
         say(f"bus: {station.bus.endpoint}   keys: {station.range.name}/{station.vehicle.name}/…")
         if shown:
             say(f"view: {shown.url}   (Ctrl-C ends)")
-        if seconds is not None:
+        over = beside(stack) if beside else stop
+        if seconds is not None:  # from here, so that reading the demo's flight takes none of them
             timer = threading.Timer(seconds, stop.set)
             timer.daemon = True
             timer.start()
-        live.run(session, feeds, beside(stack) if beside else stop)
+        live.run(session, feeds, over)
         if shown and not stop.is_set():
             say("the flight is over; the view stays until Ctrl-C")
             stop.wait()

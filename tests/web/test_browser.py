@@ -103,6 +103,11 @@ def test_the_panel_tells_the_flight(page):
     page.get_by_text("14:13:59.9").wait_for()  # START_NS and 39.9 s, in UTC
 
 
+def test_the_tab_names_range_and_vehicle(page):
+    assert until(lambda: page.title() == "demo · uav1")
+    assert "svg" in page.locator("link[rel=icon]").get_attribute("href")
+
+
 def test_old_data_are_called_old(page):
     page.get_by_text(re.compile(r"DATA \d+\.\d s OLD")).wait_for()
 
@@ -160,6 +165,18 @@ def test_dark_and_follow_change_the_picture(page, tmp_path):
     before = picture(page)
     page.get_by_role("checkbox", name="follow aircraft").click()
     assert until(lambda: (np.abs(picture(page) - before).max(axis=2) > 60).sum() > 2_000)
+
+
+def test_reset_view_brings_the_camera_back(page):
+    def moved_px() -> int:
+        return int((np.abs(picture(page) - before).max(axis=2) > 60).sum())
+
+    before = picture(page)
+    page.mouse.move(300, 300)
+    page.mouse.wheel(0, 2_000)
+    assert until(lambda: moved_px() > 2_000)
+    page.get_by_role("button", name="Reset view").click()
+    assert until(lambda: moved_px() < 500)
 
 
 def test_clear_wipes_the_trails(page, view):

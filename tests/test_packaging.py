@@ -1,0 +1,64 @@
+"""What is shipped: one version, the sample flight, and versions that are written down."""
+
+import importlib.metadata
+import tomllib
+from pathlib import Path
+
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
+
+ROOT = Path(__file__).resolve().parents[1]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+EXTRAS = PROJECT["project"]["optional-dependencies"]
+DIRECT = [
+    Requirement(text) for part in (PROJECT["project"]["dependencies"], *EXTRAS.values()) for text in part
+]
+PINS = {
+    canonicalize_name(name): version
+    for name, _, version in (
+        line.partition("==")
+        for line in (ROOT / "constraints.txt").read_text(encoding="utf-8").splitlines()
+        if not line.startswith("#")
+    )
+}
+
+
+def test_every_dependency_has_its_version_written_down():
+    for wanted in DIRECT:
+        assert PINS[canonicalize_name(wanted.name)] in wanted.specifier, wanted.name
+
+
+def test_what_dependencies_need_is_written_down_too():
+    left, seen = [(one, "") for one in DIRECT], set()
+    while left:
+        wanted, extra = left.pop()
+        name = canonicalize_name(wanted.name)
+        if name in seen or (wanted.marker and not wanted.marker.evaluate({"extra": extra})):
+            continue
+        seen.add(name)
+        assert name in PINS, f"{name}: make lock"
+        try:
+            further = importlib.metadata.requires(name) or []
+        except importlib.metadata.PackageNotFoundError:  # make check has no torch
+            continue
+        left += [(Requirement(text), extra) for text in further for extra in (*wanted.extras, "")]
+
+
+def test_the_version_stands_in_one_place():
+    assert PROJECT["tool"]["setuptools"]["dynamic"]["version"] == {"attr": "gcs.__version__"}
+    assert "version" not in PROJECT["project"]
+
+
+def test_the_wheel_gets_all_that_the_demo_reads():
+    data = {ROOT / "gcs" / name for name in PROJECT["tool"]["setuptools"]["package-data"]["gcs"]}
+    assert all(path.is_file() for path in data)
+    shipped = {path.name for path in data}
+    station = tomllib.loads((ROOT / "gcs" / "sample" / "station.toml").read_text(encoding="utf-8"))
+    assert shipped >= {"flight.tlog", "station.toml", *(f"{s['name']}.csv" for s in station["sensor"])}
+
+
+def test_every_package_says_that_it_is_typed():
+    packages = {
+        name.partition(".")[0] for name in PROJECT["tool"]["setuptools"]["packages"]["find"]["include"]
+    }
+    assert [name for name in sorted(packages) if not (ROOT / name / "py.typed").is_file()] == []
