@@ -31,7 +31,10 @@ TRACK = np.dtype(
         ("quality", "i2"),  # 0 … 100; −1 failed
         ("reset_counter", "i4"),
         ("fixed_ns", "i8"),  # newest row used that says where it is or how fast it moves; 0: not told
-        ("protection_h_m", "f8"),  # holds although any one sensor lies; inf: nobody else is there, NaN: not told
+        (
+            "protection_h_m",
+            "f8",
+        ),  # holds although any one sensor lies; inf: nobody else is there, NaN: not told
         ("protection_v_m", "f8"),
         ("ambiguous", "?"),  # two hypotheses apart from each other are nearly as likely
     ]

@@ -10,7 +10,9 @@ from filters.models.kernel import kernel
 from filters.models.rows import AE, AZIMUTH, CHANNELS, ELEVATION, RANGE, RANGE_RATE, VE, E, Sensor
 from filters.models.unscented import difference, linear_position, transform_position, transform_rate
 
-SLOTS = 11  # the most state entries one row can depend on: position, velocity, acceleration, clock, zero error
+SLOTS = (
+    11  # the most state entries one row can depend on: position, velocity, acceleration, clock, zero error
+)
 MEAN, COV, SCRATCH = 6, 7, 21  # rows of the working space: see `_at_true_time`
 WIDE, DEEP = 0.1, 0.4  # of the distance: 1-sigma across and along the line of sight beyond which a channel
 # bends too much for sigma points, or they reach behind the instrument

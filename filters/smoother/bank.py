@@ -76,7 +76,10 @@ class Bank:
         kept = len(trials)
         trials += [(ODDS_START, trial) for trial in starts]
         ranked = sorted(
-            [(before, 0, best), *((odds + t.log_evidence, k + 1, t) for k, (odds, t) in enumerate(trials) if t)],
+            [
+                (before, 0, best),
+                *((odds + t.log_evidence, k + 1, t) for k, (odds, t) in enumerate(trials) if t),
+            ],
             key=lambda entry: (-entry[0], entry[1]),
         )
         self.dbg = ranked

@@ -17,10 +17,10 @@ from typing import NamedTuple
 import numpy as np
 
 from filters.correction import correction as corrections
-from filters.models import ins, motion
+from filters.models import ins
 from filters.models import state as models
 from filters.models.motion import CORE
-from filters.models.rows import CHANNELS, ROW, TRACK, VERDICT, Sensor, Step
+from filters.models.rows import CHANNELS, ROW, TRACK, Sensor, Step
 from filters.smoother import gated, protection, report, start, status, tracks
 from filters.smoother.bank import Bank, Prior
 from filters.smoother.buffer import MeasurementBuffer, Rows, epochs, faults, refusals
@@ -50,6 +50,8 @@ SPEED_LOST_MPS = start.SPEED_SIGMA_MPS  # a prediction that knows less than a st
 LOST_FACTOR = 5.0  # of what may be published: beyond, rows are better taken for a start
 LONG_AGO_NS, NEVER_NS = np.iinfo(np.int64).min // 2, np.iinfo(np.int64).max
 MARK_NS = 1_000_000_000
+
+
 class Snapshot(NamedTuple):
     """All that is needed to go on from the beginning of a cell."""
 
@@ -199,7 +201,9 @@ class FixedLagSmoother:
     def _take(self, end: int) -> list[np.ndarray]:
         """Take the rows up to ``end``, all of one cell, at first sight; their tracks."""
         buffer, parts = self._buffer, []
-        before = int(np.searchsorted(buffer.rows.t[: buffer.done], buffer.rows.t[buffer.done] - start.TOGETHER_NS))
+        before = int(
+            np.searchsorted(buffer.rows.t[: buffer.done], buffer.rows.t[buffer.done] - start.TOGETHER_NS)
+        )
         start.places(
             buffer.view(before, end), self.model.offset, self.model.rotation, self.model.is_ins,
             self.settings.height_m, buffer.done - before,
@@ -377,7 +381,9 @@ class FixedLagSmoother:
         self._count(rows, cut)
         label_rows = buffer.view(buffer.decided, buffer.decided + cut)
         scratch = np.zeros((2, cut), "i1")
-        status.label(label_rows, self._best.own.weight[:cut], self._length, np.zeros(len(self.sensors), bool), *scratch)
+        status.label(
+            label_rows, self._best.own.weight[:cut], self._length, np.zeros(len(self.sensors), bool), *scratch
+        )
         where = slice(buffer.decided, buffer.decided + cut)
         buffer.outcome.regime[where] += 2 * (len(self._densities) - 1)
         self._densities.append(self._best.densities())

@@ -12,7 +12,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from filters.models import motion
 from filters.models.state import Model, scratch
 from filters.smoother import adaptation, gated, passes, status
 from filters.smoother.buffer import Outcome, Rows, outcome
@@ -135,9 +134,7 @@ class Hypothesis:
         out = space.room(len(rows.t), keep)
         x, P = self.anchor.x.copy(), self.anchor.P.copy()
         densities, found = self.densities(), passes.scores(*model.variance.shape)
-        t_ns = passes.forward(
-            model, rows, self.own, densities, x, P, self.anchor.t_ns, keep, out, space.work
-        )
+        t_ns = passes.forward(model, rows, self.own, densities, x, P, self.anchor.t_ns, keep, out, space.work)
         space.r[:], space.N[:] = 0.0, 0.0
         passes.backward(model, rows, self.own, densities, keep, out, space.r, space.N, found, space.work)
         self.own.nis[:] = out.v[: len(rows.t)] ** 2 / out.S[: len(rows.t)]
@@ -158,9 +155,7 @@ class Hypothesis:
         left = Rows(*(column[:cut] for column in rows))
         own = Outcome(*(column[:cut] for column in self.own))
         out = space.room(cut, 0)
-        t_ns = passes.forward(
-            model, left, own, self.densities(), x, P, self.anchor.t_ns, 0, out, space.work
-        )
+        t_ns = passes.forward(model, left, own, self.densities(), x, P, self.anchor.t_ns, 0, out, space.work)
         status.advance(left, own, memory)
         self.anchor = Moment(int(t_ns), x, P, memory)
         self.own = Outcome(*(column[cut:].copy() for column in self.own))

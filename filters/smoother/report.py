@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from filters.models.state import common_shift, common_variance
 from filters.models.rows import CHANNELS
+from filters.models.state import common_shift, common_variance
 
 SEEN = 0.5  # a systematic error is observable when the flight has at least halved its prior sigma
 UNITS = {

@@ -106,7 +106,9 @@ def _crossing(model, a, ray_a, b, ray_b):
     return (model.offset[a] + along_a * ray_a + model.offset[b] + along_b * ray_b) / 2
 
 
-def candidates(model: Model, rows, height_m: float, height_sigma_m: float) -> list[tuple[int, np.ndarray, np.ndarray]]:
+def candidates(
+    model: Model, rows, height_m: float, height_sigma_m: float
+) -> list[tuple[int, np.ndarray, np.ndarray]]:
     """(sensor, x (n,), P (n, n)) at the time of the first row: one first state for every sensor with a fix.
 
     Position and velocity are the middle of what its own fixes show; their sigmas know of nothing.

@@ -66,7 +66,11 @@ def run(
     net = learn(split, plan)
     held_out = [effect(net, flown) for flown in split.held_out]
     report: dict[str, Any] = {
-        "training": plan._asdict() | {"filter": {name: None if value != value else value for name, value in settings._asdict().items()}, "flights": flights},
+        "training": plan._asdict()
+        | {
+            "filter": {name: None if value != value else value for name, value in settings._asdict().items()},
+            "flights": flights,
+        },
         "data": {name: [flown.name for flown in part] for name, part in split._asdict().items()},
         "network": {"limit": net.limit.round(3).tolist(), "gain": net.gain.round(3).tolist()},
         "held_out": held_out,

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import msgspec
 import numpy as np
 
-from bridges import radar, theodolite
+from bridges.instruments import KINDS
 from bridges.tlog import flight as tlog_flight
 from bridges.tlog import tlog
 from gcs.contract.config import Station
@@ -22,7 +22,6 @@ STEP_NS = 1_000_000_000  # data taken in one go at full speed: long enough to be
 TICK_S = 0.02  # pace of the loop at a given speed
 APART_NS = 60_000_000_000  # a feed row this far outside the flight cannot belong to it
 TURN_DEG = 5.0  # an instrument that disagrees with the aircraft by more than this is looking elsewhere
-READ_FEED = {"theodolite": theodolite.read, "radar": radar.read}
 
 
 class MeasuredFlight(NamedTuple):
@@ -52,7 +51,7 @@ def load(log: Path | None, station: Station, feeds: dict[str, Path]) -> Measured
         return _feeds_alone(station, kinds, feeds)
     own = tlog_flight.flight(tlog.read(log), station.vehicle.system_id)
     ins = own.rows
-    measured = {name: READ_FEED[kinds[name]](path, name) for name, path in feeds.items()}
+    measured = {name: KINDS[kinds[name]].read(path, name) for name, path in feeds.items()}
     frame = _frame(station, ins)
     start_ns, end_ns = int(ins["t_ns"].min()), int(ins["t_ns"].max())
     where = ins[np.isfinite(ins["lat_deg"])]
@@ -71,7 +70,7 @@ def _feeds_alone(station: Station, kinds: Mapping[str, str], feeds: dict[str, Pa
     origin = station.range.origin
     if origin is None:
         raise InputError("feeds alone need [range] origin in the station file: no aircraft says where it is")
-    measured = {name: READ_FEED[kinds[name]](path, name) for name, path in feeds.items()}
+    measured = {name: KINDS[kinds[name]].read(path, name) for name, path in feeds.items()}
     times = np.concatenate([rows["t_ns"] for rows, _ in measured.values()])
     if not len(times):
         raise InputError(f"{', '.join(map(str, feeds.values()))}: not one line can be used")
