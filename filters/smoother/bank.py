@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from filters.models.motion import CORE
+from filters.models.rows import AE
 from filters.models.state import prior_covariance
 from filters.smoother import adaptation, start, status
 from filters.smoother.buffer import Rows, outcome
@@ -27,6 +28,7 @@ ODDS_AGAIN = np.log(1e-2)  # prior odds, in any one window: the incumbent has ex
 ODDS_MANOEUVRE, ODDS_START = np.log(1e-3), np.log(1e-4)
 MISFIT = 5.0  # rows that one misfit outweighs in the search for where a manoeuvre began
 TEMPER = 0.3  # power of the odds: rows of a channel are less independent than the model says
+PROOF_NS = 3_000_000_000  # longer than the runs of outliers that radars and theodolites show
 CLOSE = np.log(1e3)  # log odds within which two hypotheses are ambiguous
 APART = 3.0  # sigmas between their positions beyond which it matters
 FASTEST_MPS = 1000.0  # 1-sigma per axis of the speeds that there are
@@ -46,8 +48,14 @@ class Bank:
     def __init__(self, space: Workspace, prior: Prior, excluded: int = -1):
         self.space, self.prior, self.excluded = space, prior, excluded
         self.best: Hypothesis | None = None
-        self.ambiguous, self.spread = False, np.zeros((CORE, CORE))  # (9, 9) doubt between hypotheses
+        self._close_call, self.spread = False, np.zeros((CORE, CORE))  # (9, 9) doubt between hypotheses
+        self._proven_ns = 0  # until then a start of one sensor alone may be the middle of its own run
         self.reason = ""  # of the newest start
+
+    @property
+    def ambiguous(self) -> bool:
+        """Whether another hypothesis is nearly as likely, or nobody else has confirmed this start yet."""
+        return self._close_call or (self.best is not None and self.best.head.t_ns < self._proven_ns)
 
     def copy(self) -> "Bank":
         other = object.__new__(Bank)
@@ -59,7 +67,7 @@ class Bank:
         """Settle the window, challenge the incumbent where it fails; returns (scores, started anew)."""
         best = self.best
         found = best.settle(rows, keep)
-        self.ambiguous, self.spread = False, np.zeros((CORE, CORE))
+        self._close_call, self.spread = False, np.zeros((CORE, CORE))
         if best.shortfall < SHORTFALL or len(rows.t) == 0:
             return found, False
         before = best.log_evidence
@@ -93,6 +101,7 @@ class Bank:
         if started:
             refused = (best.own.weight < status.DOUBT).mean()
             self.reason = f"{refused:.0%} of the window's rows refused: begun again from the sensors"
+            self._put_to_the_proof(rows)
         return winner.settle(rows, keep), started
 
     def watch(self, rows: Rows, keep: int):
@@ -115,7 +124,14 @@ class Bank:
             return False
         self.best = trials[0]
         self._doubt([(trial.log_evidence, 0, trial) for trial in trials])
+        self._put_to_the_proof(rows)
         return True
+
+    def _put_to_the_proof(self, rows: Rows) -> None:
+        """A start that rests on one sensor is ambiguous for a while: what it says may be a run of its own."""
+        used = rows.sensor[(self.best.own.weight > status.DOUBT) & (rows.channel < AE)]
+        alone = len(np.unique(used)) < 2
+        self._proven_ns = self.best.head.t_ns + (PROOF_NS if alone else 0)
 
     def _doubt(self, ranked: list) -> None:
         """What is left of the other hypotheses: a spread of the state, and whether it is ambiguous.
@@ -130,7 +146,7 @@ class Bank:
         for chance, h, _ in others:
             gap = h.head.x[:CORE] - winner.head.x[:CORE]
             self.spread += chance / total * np.outer(gap, gap)
-        self.ambiguous = any(top - odds < CLOSE for _, _, odds in others)
+        self._close_call = any(top - odds < CLOSE for _, _, odds in others)
 
     def _again(self, rows: Rows, weight: np.ndarray, *, annealed: bool) -> Hypothesis:
         """The same anchor, from other weights (k,)."""

@@ -37,7 +37,9 @@ def known(model: Model, x: np.ndarray, P: np.ndarray, factor: float = 1.0) -> np
         gap = x[:, None, :3] - model.offset[~model.is_ins]
         distance = np.linalg.norm(gap, axis=2).min(axis=1)
     limit = factor * np.maximum(KNOWN_M, KNOWN_SHARE * distance)
-    return np.diagonal(P, axis1=1, axis2=2)[:, :6].max(axis=1) < limit**2
+    variance = np.diagonal(P, axis1=1, axis2=2)[:, :6].copy()
+    variance[variance[:, 5] == 0.0, 2] = 0.0  # a height told beforehand is as good as it was told
+    return variance.max(axis=1) < limit**2
 
 
 def smooth(
