@@ -21,7 +21,7 @@ def polished(track: np.ndarray, shift_s: np.ndarray) -> np.ndarray:
     x[:, :3] -= shift * x[:, 3:6] - 0.5 * shift**2 * x[:, 6:9]
     x[:, 3:6] -= shift * x[:, 6:9]
     sigma_m = np.sqrt(np.maximum(np.trace(track["P"][:, :3, :3], axis1=1, axis2=2), 0.0))
-    track["quality"] = np.round(100.0 / (1.0 + sigma_m / HALF_QUALITY_M))
+    track["quality"] = np.where(np.isfinite(sigma_m), np.round(100.0 / (1.0 + sigma_m / HALF_QUALITY_M)), -1)
     track["quality"] = np.where(track["ambiguous"], np.minimum(track["quality"], DOUBTFUL), track["quality"])
     return track
 
