@@ -22,7 +22,7 @@ from filters.smoother import adaptation, start, status
 from filters.smoother.buffer import Rows, outcome
 from filters.smoother.hypothesis import Hypothesis, Moment, Workspace
 
-SHORTFALL = 4.0  # standard deviations of the log evidence below which the model is thought to be wrong
+SHORTFALL = 2.0  # standard deviations of the log evidence below which the model is thought to be wrong
 LOST = 12.0  # … for a method that decides at first sight and takes outliers in its stride
 ODDS_AGAIN = np.log(1e-2)  # prior odds, in any one window: the incumbent has explained all windows before
 ODDS_MANOEUVRE, ODDS_START = np.log(1e-3), np.log(1e-4)

@@ -13,7 +13,7 @@ from filters.models.update import weight as igg
 from filters.smoother.status import NEGLIGIBLE, PATCH_ROWS, expected, filtered, log_good, log_gross
 
 GATE = 3.5  # sigmas from which the order of simultaneous rows matters
-SURPRISE = 25.0  # lost log likelihood that asks for a re-decision at once: three gross errors
+SURPRISE = 15.0  # lost log likelihood that asks for a re-decision at once: two gross errors
 FADE = 0.8  # of the surprise from epoch to epoch
 
 
