@@ -90,7 +90,6 @@ class Bank:
             ],
             key=lambda entry: (-entry[0], entry[1]),
         )
-        self.dbg = ranked
         score, number, winner = ranked[0]
         self._doubt(ranked)
         if winner is best:
