@@ -12,7 +12,7 @@ from bench import table
 from bench.cases import CASES
 from bench.measure import METHODS, measure
 from bench.scene import Case
-from filters.smoother import estimator
+from filters.models.settings import Settings
 from gcs.contract.messages import InputError
 from gcs.outputs.console import say
 from gcs.station.session import as_json
@@ -48,7 +48,7 @@ def run(
         "seeds": seeds,
         "first_seed": first_seed,
         "seconds": seconds,
-        "settings": as_json(estimator.Settings()),
+        "settings": as_json(Settings()),
         "wall_s": time.monotonic() - begin_s,
         "cases": results,
     }

@@ -10,8 +10,8 @@ from bench.scene import Case, SimulatedFlight, first_instrument, fly
 from filters import methods as named
 from filters.baselines import baselines
 from filters.models.rows import Sensor
+from filters.models.settings import Settings
 from filters.simulation import simulate
-from filters.smoother import estimator
 from filters.smoother.estimator import FixedLagSmoother
 
 METHODS = (*named.METHODS, *baselines.PSD_FACTORS)
@@ -39,7 +39,7 @@ class MethodRun(NamedTuple):
 def make(method: str, sensors: Sequence[Sensor]) -> FixedLagSmoother | baselines.Baseline:
     """One of METHODS."""
     if method in baselines.PSD_FACTORS:
-        return baselines.make(method, sensors, estimator.Settings())
+        return baselines.make(method, sensors, Settings())
     return named.make(method, sensors)
 
 

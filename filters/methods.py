@@ -6,8 +6,9 @@ import numpy as np
 
 from filters.correction import correction as corrections
 from filters.models.rows import Sensor
+from filters.models.settings import Settings
 from filters.smoother import gated
-from filters.smoother.estimator import FixedLagSmoother, Settings
+from filters.smoother.estimator import FixedLagSmoother
 
 METHODS = {
     "default": gated.BY_STATUS,

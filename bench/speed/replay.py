@@ -23,7 +23,7 @@ from bridges import simulated
 from bridges.tlog import flight as tlog_flight
 from bridges.tlog import tlog
 from filters.models.rows import AZIMUTH, ELEVATION, TRACK, Sensor
-from filters.smoother import estimator
+from filters.models.settings import Settings
 from gcs.contract import config
 from gcs.outputs.record import Record
 from gcs.station import replay
@@ -110,7 +110,7 @@ def accuracy(log: Path, truth: Path) -> None:
 
 def filterpy_track(sensors: list[Sensor], rows: np.ndarray) -> np.ndarray:
     """(k,) TRACK of filterpy's filter: p, v, a and the INS position bias; every row used."""
-    settings = estimator.Settings()
+    settings = Settings()
     n, bias = 12, slice(9, 12)
     sigma2, tau = settings.ins_bias_sigma_m**2, settings.ins_bias_tau_s
 

@@ -9,7 +9,8 @@ import numpy as np
 
 from bench.trials import peers
 from bench.trials.scene import Scene
-from bench.trials.world import TRACK, VERDICT, baselines, estimator, methods, simulate
+from bench.trials.world import TRACK, VERDICT, baselines, methods, simulate
+from filters.models.settings import Settings
 
 BATCH_S = 0.25
 
@@ -28,7 +29,7 @@ def make_estimator(name: str, sensors, **settings):
     """An estimator by name: the project's own, those of the literature, and the peers of ``peers``."""
     if name in peers.PEERS:
         return peers.make(name, sensors)
-    wanted = estimator.Settings(**settings)
+    wanted = Settings(**settings)
     if name in baselines.PSD_FACTORS:
         return baselines.make(name, sensors, wanted)
     return methods.make(name, sensors, wanted)
@@ -36,7 +37,7 @@ def make_estimator(name: str, sensors, **settings):
 
 def known_height(mean_m: float, sigma_m: float) -> dict[str, float] | None:
     """Settings that tell an estimator a target's height beforehand; None where it cannot be told."""
-    fields = estimator.Settings._fields
+    fields = Settings._fields
     told = {"height_m": mean_m, "height_sigma_m": sigma_m}
     return told if set(told) <= set(fields) else None
 

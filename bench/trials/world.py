@@ -26,7 +26,6 @@ from filters.models.rows import (
 )
 from filters.simulation import autopilot, faults, gusts, scenario, simulate
 from filters.simulation.scenario import Truth
-from filters.smoother import estimator
 
 __all__ = [
     "AZIMUTH",
@@ -50,7 +49,6 @@ __all__ = [
     "cache_file",
     "decode",
     "default_ins",
-    "estimator",
     "faults",
     "fingerprint",
     "gusts",

@@ -21,9 +21,9 @@ from filters.baselines.interacting import REASONS, Followed, Mind, follow
 from filters.models import state as models
 from filters.models.motion import CORE
 from filters.models.rows import CHANNELS, DEWEIGHTED, ROW, TRACK, USED, VERDICT, Sensor, Step
+from filters.models.settings import Settings
 from filters.smoother import buffer, passes, start, status
-from filters.smoother import report as reports
-from filters.smoother.estimator import Settings
+from filters.smoother.integrity import report as reports
 
 PSD_FACTORS = {"wolf": (1.0,), "imm": (0.1, 3.0)}  # times the estimator's densities, one filter each
 START_NS = 1_000_000_000  # of rows, from which a first state is made

@@ -9,5 +9,5 @@ from numba import njit
 # Sums may be reordered, but NaN and inf keep their meaning: "not known" is NaN.
 REORDER = {"reassoc", "contract", "arcp", "nsz", "afn"}
 kernel = njit(cache=True, fastmath=REORDER, error_model="numpy", _nrt=False)
-# Where reordering would cost P its exact symmetry. Said explicitly: else a caller's own fastmath is inherited.
+# Where reordering would cost P its exact symmetry. Said explicitly: else a caller's fastmath is inherited.
 exact = njit(cache=True, fastmath=False, error_model="numpy", _nrt=False)

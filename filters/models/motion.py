@@ -63,7 +63,7 @@ def carry(B, dt):
 
 @exact
 def _add_noise(P, dt, psd):
-    """White jerk and white acceleration over ``dt``: Bar-Shalom et al., eqs. 6.2.3-9 and 6.2.2-9, per axis."""
+    """White jerk and acceleration over ``dt``: Bar-Shalom et al., eqs. 6.2.3-9 and 6.2.2-9, per axis."""
     d2 = dt * dt
     for i in range(3):
         jerk, push = (psd[1], psd[3]) if i == 2 else (psd[0], psd[2])

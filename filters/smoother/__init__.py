@@ -1,0 +1,1 @@
+"""The estimator: see `filters.smoother.estimator`."""

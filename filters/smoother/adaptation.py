@@ -51,7 +51,7 @@ def log_prior(psd: np.ndarray, usual: np.ndarray) -> float:
 
 
 def usual(now: np.ndarray, psd: np.ndarray, setting: np.ndarray, seconds: float) -> np.ndarray:
-    """(4,) the middle ``now`` of the prior, ``seconds`` on: it follows ``psd``, and leans to the ``setting``."""
+    """(4,) the middle ``now`` of the prior, ``seconds`` on: following ``psd``, leaning to the ``setting``."""
     step = 1.0 - np.exp(-seconds / MOTION_MEMORY_S)
     out, moves = now.copy(), now > 0.0
     target = (1.0 - LEAN) * np.log(psd[moves]) + LEAN * np.log(setting[moves])

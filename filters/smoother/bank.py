@@ -90,7 +90,7 @@ class Bank:
             ],
             key=lambda entry: (-entry[0], entry[1]),
         )
-        score, number, winner = ranked[0]
+        _, number, winner = ranked[0]
         self._doubt(ranked)
         if winner is best:
             best.settle(rows, keep)
@@ -167,7 +167,7 @@ class Bank:
         return trial
 
     def _onset(self, rows: Rows) -> int:
-        """The row from which on there are more misfits than before: a cumulative sum from the end (Page 1954)."""
+        """The row from which on there are more misfits than before: cumulative sum, reversed (Page 1954)."""
         own = self.best.own
         misfit = np.where(own.weight < status.DOUBT, MISFIT, 0.0) * (rows.sensor != self.excluded)
         return int(len(misfit) - 1 - np.argmax(np.cumsum((misfit - 1.0)[::-1])))

@@ -87,7 +87,7 @@ def backward(model, rows, own, densities, keep, out, r, N, found, work):
     """Hold every row against all others; ``r`` (n,), ``N`` (n, n) say what came after, in place.
 
     Fills ``own.residual`` and ``own.sigma``, smooths the states that ``out`` keeps, and adds to ``found``,
-    `Scores` (of the noise only for the first ``keep`` rows, of the motion for regime 0). ``work``: `state.scratch`.
+    `Scores` (of the noise only for the first ``keep`` rows, of the motion for regime 0). ``work``: `scratch`.
     """
     n, Nm = r.size, work[0]
     for k in range(rows.t.size - 1, -1, -1):

@@ -28,7 +28,7 @@ PARALLEL = 1e-4  # squared sine of the angle between two lines of sight that do 
 def places(rows, offset, rotation, is_ins, height_m, begin):
     """Fill ``rows.place`` from row ``begin`` on; ``height_m`` NaN: none known beforehand.
 
-    A channel that an instrument gives at another instant, or not this time, is that of up to `TOGETHER_NS` ago.
+    A channel that an instrument gives at another instant is that of up to `TOGETHER_NS` ago.
     """
     count, k = rows.t.size, begin
     while k < count:

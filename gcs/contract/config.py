@@ -121,7 +121,7 @@ class ScreeningSection(Section, frozen=True):
 
 
 class FilterSection(Section, frozen=True):
-    """The estimator; names and defaults are those of ``filters.smoother.estimator.Settings``."""
+    """The estimator; names and defaults are those of ``filters.models.settings.Settings``."""
 
     jerk_psd: Annotated[
         float, Meta(ge=1e-3, le=1e5, description="white jerk to begin with: 3 m/s³ held for a second")

@@ -15,8 +15,8 @@ import filters
 from filters import methods
 from filters.correction import correction
 from filters.models.rows import ROW, Sensor
+from filters.models.settings import Settings
 from filters.simulation import scenario, simulate
-from filters.smoother.estimator import Settings
 from gcs.contract import config
 from gcs.contract.frames import Frame
 from gcs.contract.messages import CHANNELS, InputError

@@ -17,7 +17,7 @@ import numpy as np
 
 from filters.correction import correction, train
 from filters.correction.correction import Network
-from filters.smoother.estimator import Settings
+from filters.models.settings import Settings
 from gcs.contract.messages import InputError
 from gcs.learning import dataset, network
 from gcs.learning.dataset import Flown

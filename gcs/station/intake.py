@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from filters.models.rows import ROW, Sensor
-from filters.smoother.estimator import Settings
+from filters.models.settings import Settings
 from gcs.contract import limits
 from gcs.contract.config import InsSection, Station
 from gcs.contract.frames import Frame, polar_to_enu

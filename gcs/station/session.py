@@ -11,8 +11,9 @@ import numpy as np
 
 from filters import methods
 from filters.correction.correction import off
+from filters.models.settings import Settings
 from filters.screening.witness import Nobody, Witness
-from filters.smoother import estimator, status
+from filters.smoother import status
 from gcs import __version__
 from gcs.contract.config import Station
 from gcs.contract.frames import Frame
@@ -145,7 +146,7 @@ def pace(times: list[np.ndarray]) -> dict:
     return {"rate_hz": 1.0 / usual_s, "gaps": len(gaps), "longest_gap_s": float(step_s.max())}
 
 
-def _make_estimator(method: str, sensors: list, settings: estimator.Settings, correction: Callable):
+def _make_estimator(method: str, sensors: list, settings: Settings, correction: Callable):
     try:
         return methods.make(method, sensors, settings, correction)
     except ValueError as error:

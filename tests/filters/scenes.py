@@ -4,8 +4,8 @@ import numpy as np
 
 from filters.methods import make
 from filters.models.rows import ROW, Sensor
+from filters.models.settings import Settings
 from filters.simulation import scenario, simulate
-from filters.smoother.estimator import Settings
 
 SITES = {"theo-a": (800.0, 0.0, 0.0), "theo-b": (0.0, 900.0, 10.0), "radar": (-700.0, -500.0, 0.0)}
 SIGMA = {"theo-a": (1.0, 5e-5, 5e-5), "theo-b": (1.0, 5e-5, 5e-5), "radar": (5.0, 1e-3, 1e-3, 0.3)}

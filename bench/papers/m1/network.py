@@ -9,7 +9,7 @@ import numpy as np
 
 from bench.accuracy import FIRST_SEED
 from filters.correction import correction, train
-from filters.smoother.estimator import Settings
+from filters.models.settings import Settings
 from gcs.learning import dataset, network, training
 
 CALLS, REPEATS = 500, 200

@@ -6,8 +6,8 @@ import pytest
 from filters.baselines import baselines, interacting
 from filters.models import state as models
 from filters.models.rows import AZIMUTH, INVALID, LATE, RANGE, ROW
+from filters.models.settings import Settings
 from filters.smoother import passes
-from filters.smoother.estimator import Settings
 from filters.smoother.status import NO_STATE
 from tests.filters import full_ukf
 from tests.filters.scenes import error_m, oracle, run, scene, sensors

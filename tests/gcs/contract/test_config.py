@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from filters.models import theodolite
-from filters.smoother.estimator import Settings
+from filters.models.settings import Settings
 from gcs.contract import config, limits
 from gcs.contract.messages import InputError
 from gcs.station.intake import settings_of

@@ -8,8 +8,8 @@ import pytest
 
 from filters.correction import correction
 from filters.models.rows import CHANNELS
+from filters.models.settings import Settings
 from filters.simulation import scenario, simulate
-from filters.smoother.estimator import Settings
 from gcs.contract import config
 from gcs.contract.frames import Frame
 from gcs.contract.messages import InputError

@@ -7,7 +7,7 @@ import pytest
 
 from filters.models import state
 from filters.models.rows import AZIMUTH, RANGE
-from filters.smoother.report import report
+from filters.smoother.integrity.report import report
 from tests.filters.smoother.kit import small
 
 pytestmark = pytest.mark.decision

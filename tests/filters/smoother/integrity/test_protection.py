@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from filters.models.rows import TRACK
-from filters.smoother import protection
+from filters.smoother.integrity import protection
 
 pytestmark = pytest.mark.decision
 

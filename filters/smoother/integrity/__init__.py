@@ -1,0 +1,1 @@
+"""How far the track can be trusted: protection levels, and the evidence in numbers."""

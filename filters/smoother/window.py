@@ -1,0 +1,167 @@
+"""The window: rows that have been seen, and are judged again until they are decided.
+
+decided ──► the window's rows, each judged by all others ──► done
+anchor      │◄──────── some scans of the slowest sensor ────────►│
+"""
+
+import numpy as np
+
+from filters.models import state as models
+from filters.models.motion import CORE
+from filters.models.rows import TRACK
+from filters.models.settings import Settings
+from filters.smoother import passes, start, status, tracks
+from filters.smoother.bank import Bank
+from filters.smoother.buffer import MeasurementBuffer, Rows, epochs
+from filters.smoother.hypothesis import Workspace
+from filters.smoother.snapshots import Progress, Reset
+
+SPEED_LOST_MPS = start.SPEED_SIGMA_MPS  # a prediction that knows less than a start does is a start
+LOST_FACTOR = 5.0  # of what may be published: beyond, rows are better taken for a start
+SILENCE_NS = 250_000_000  # since the newest row, from which a gap may be one
+TURNS = 4  # re-decisions for one of the banks without a sensor
+RECENT_ROWS, RECENT_SCANS = 64, 6  # of a sensor before the window, and in all, that tell its scan
+
+
+class Window:
+    """See the module's text. ``robust``: rows are judged again; other methods stay with their first sight."""
+
+    def __init__(self, space: Workspace, buffer: MeasurementBuffer, progress: Progress, *, robust: bool):
+        self.space, self.buffer, self.now, self.robust = space, buffer, progress, robust
+        self.densities = [np.zeros((0, 4))]  # of the motion, of every window that was decided
+
+    def lag_ns(self, settings: Settings) -> int:
+        """How long later rows may change a decision: some scans of the slowest sensor that is speaking."""
+        buffer = self.buffer
+        begin = max(buffer.decided - RECENT_ROWS, 0)
+        t, sensor = buffer.rows.t[begin : buffer.done], buffer.rows.sensor[begin : buffer.done]
+        longest = 0.0
+        for k in range(len(self.now.length)):
+            times = np.unique(t[sensor == k])[-RECENT_SCANS:]
+            if len(times) > 1:
+                longest = max(longest, float(np.median(np.diff(times))) * 1e-9)
+        lag_s = max(settings.shortest_lag_s, settings.lag_scans * longest)
+        return round(1e9 * min(lag_s, settings.longest_lag_s))
+
+    # ---- a state begins and ends
+
+    def begin(self) -> None:
+        """Try a first state from the window."""
+        buffer, now = self.buffer, self.now
+        bank = now.banks[0]
+        if bank.begin(buffer.view(buffer.decided, buffer.done)):
+            before = now.resets if now.was_known else now.resets[:-1]
+            now.resets = (*before, Reset(buffer.decided, bank.best.anchor.copy(), bank.reason))
+            now.was_known = False
+
+    def give_up(self, before: int) -> None:
+        """Rows up to ``before`` come too early to be judged by any state."""
+        if before > self.buffer.decided:
+            self.buffer.void(self.buffer.decided, before)
+            self.buffer.decided = before
+
+    def forget_the_lost(self, t_ns: int) -> None:
+        """Where a prediction knows no more than a start does, begin again: after a gap, or an outage."""
+        main = self.now.banks[0]
+        head = main.best and main.best.head
+        if head and not tracks.known(self.space.model, head.x[None], head.P[None], LOST_FACTOR)[0]:
+            main.best, main.reason = None, "known too poorly: begun again from the sensors"
+        for bank in self.now.banks:
+            if bank.best is not None and self._silent_too_long(bank, t_ns):
+                if bank is main:
+                    dt = (t_ns - bank.best.head.t_ns) * 1e-9
+                    bank.reason = f"nothing heard for {dt:.1f} s: begun again from the sensors"
+                    self._decide(self.buffer.done - self.buffer.decided)
+                bank.best = None
+
+    def _silent_too_long(self, bank: Bank, t_ns: int) -> bool:
+        gap_ns, psd = t_ns - bank.best.head.t_ns, bank.best.usual_psd
+        dt = gap_ns * 1e-9
+        lost = psd[:2].max() * dt**3 / 3 + psd[2:].max() * dt >= SPEED_LOST_MPS**2
+        return bool(gap_ns >= SILENCE_NS and lost)
+
+    # ---- rows are judged
+
+    def enter(self) -> None:
+        """Write what the incumbent makes of the window's rows into the buffer, with a verdict each."""
+        buffer, own = self.buffer, self.now.best.own
+        rows = buffer.view(buffer.decided, buffer.done)
+        verdict, reason = np.zeros((2, len(rows.t)), "i1")
+        used = np.bincount(rows.sensor[own.weight > 0], minlength=len(self.now.length)) > 0
+        status.label(rows, own.weight, self.now.length.copy(), used.sum() - used < 2, verdict, reason)
+        buffer.judge(buffer.decided, own, verdict, reason)
+
+    def redecide(self, cut: int) -> np.ndarray:
+        """Settle all banks, then decide the first ``cut`` rows; their smoothed track (k,) TRACK."""
+        buffer, now = self.buffer, self.now
+        rows, main = buffer.view(buffer.decided, buffer.done), now.banks[0]
+        now.redecided_ns = int(rows.t[-1]) if len(rows.t) else now.redecided_ns
+        if cut:
+            self._take_turns(rows)
+        found, started = (main.redecide if self.robust else main.watch)(rows, cut)
+        if started:
+            earlier = tuple(reset for reset in now.resets if reset.row < buffer.decided)  # one start a window
+            now.resets = (*earlier, Reset(buffer.decided, main.best.anchor.copy(), main.reason))
+        self.enter()
+        return self._commit(rows, cut, found)
+
+    def _take_turns(self, rows: Rows) -> None:
+        """The banks without a sensor look at the window now and then."""
+        self.now.turn = (self.now.turn + 1) % TURNS
+        for bank in self.now.banks[1:] if self.now.turn == 0 else ():
+            if bank.best is None:
+                bank.begin(rows)
+            else:
+                bank.redecide(rows, 0)
+
+    def _decide(self, cut: int) -> None:
+        """Settle the incumbent, and decide the first ``cut`` rows."""
+        if cut:
+            rows, best = self.buffer.view(self.buffer.decided, self.buffer.done), self.now.best
+            found = (best.settle if self.robust else best.look)(rows, cut)
+            self.enter()
+            self._commit(rows, cut, found)
+
+    def _commit(self, rows: Rows, cut: int, found: passes.Scores) -> np.ndarray:
+        """Decide the window's first ``cut`` ``rows`` for good; their smoothed track."""
+        if not cut:
+            return np.zeros(0, TRACK)
+        buffer, now = self.buffer, self.now
+        first, out = epochs(rows.t[:cut]), self.space.trace
+        left = self.track(rows.t[first], out.x[first].copy(), out.P[first].copy())
+        self._count(rows, cut)
+        buffer.outcome.regime[buffer.decided : buffer.decided + cut] += 2 * (len(self.densities) - 1)
+        self.densities.append(now.best.densities())
+        seconds = (int(rows.t[cut - 1]) - now.best.anchor.t_ns) * 1e-9
+        for bank in now.banks:
+            if bank.best is not None:
+                bank.best.commit(rows, cut, found, seconds)
+                bank.best.scale = now.best.scale
+        buffer.decided += cut
+        return left
+
+    def _count(self, rows: Rows, cut: int) -> None:
+        """Tally rows that are about to be decided for good, and go on with the runs of outliers in them."""
+        now, own = self.now, self.now.best.own
+        used, where = own.weight[:cut] >= status.DOUBT, (rows.sensor[:cut], rows.channel[:cut])
+        np.add.at(now.tally[..., 0], where, used)
+        np.add.at(now.tally[..., 1], where, np.where(used, own.nis[:cut], 0.0))
+        np.add.at(now.tally[..., 2], where, ~used)
+        decided, unread = Rows(*(column[:cut] for column in rows)), np.zeros((2, cut), "i1")
+        status.label(decided, own.weight[:cut], now.length, np.zeros(len(now.length), bool), *unread)
+
+    # ---- what goes out
+
+    def track(self, t_ns: np.ndarray, x: np.ndarray, P: np.ndarray) -> np.ndarray:
+        """(k,) TRACK of full states (k, n), (k, n, n), by the clocks as they are known now."""
+        track = np.zeros(len(t_ns), TRACK)
+        track["t_ns"], track["x"], track["P"] = t_ns, x[:, :CORE], P[:, :CORE, :CORE]
+        track["reset_counter"] = self.now.reset_counter
+        track["protection_h_m"] = track["protection_v_m"] = np.nan
+        best = self.now.best
+        return tracks.polished(track, self.shift_s(best.head.x[None] if best is not None else x[:1]))
+
+    def shift_s(self, x: np.ndarray) -> np.ndarray:
+        """(k,) of the time that most clocks agree on, by states (k, n)."""
+        model, heard = self.space.model, self.now.tally[..., 0].any(axis=1)
+        return models.common_shift(model, x[:, model.clock_at], heard)
