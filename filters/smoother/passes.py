@@ -13,8 +13,12 @@ import numpy as np
 
 from filters.models.kernel import kernel
 from filters.models.motion import CORE, predict, pull_back, score
+from filters.models.rows import VE
 from filters.models.state import SLOTS, predict_row
 from filters.models.update import update
+
+
+CLIPPED = 3.0  # sigmas that a refused value counts for in its channel's noise
 
 
 class Trace(NamedTuple):
@@ -117,6 +121,11 @@ def backward(model, rows, own, densities, keep, out, r, N, found, work):
         else:
             own.residual[k] = v - mr
             own.sigma[k] = np.sqrt(max(S - mNm, own.noise[k]))
+            if k < keep and model.is_ins[rows.sensor[k]] and rows.channel[k] >= VE:
+                # Vibration is noise that nobody stated: what is refused for it tells how large it is.
+                u = min(abs(own.residual[k]) / own.sigma[k], CLIPPED)
+                found.noise[0, rows.sensor[k], rows.channel[k]] += 0.5 * (u * u - 1.0)
+                found.noise[1, rows.sensor[k], rows.channel[k]] += 0.5
         if k == 0 or rows.t[k] != rows.t[k - 1]:
             if k < keep:
                 _smooth(out.x[k], out.P[k], r, N, work[1:])
