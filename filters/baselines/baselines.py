@@ -204,7 +204,7 @@ def _refused(rows: np.ndarray, reason: int) -> np.ndarray:
 
 
 def publish(t_ns: np.ndarray, x: np.ndarray, P: np.ndarray, resets: int) -> np.ndarray:
-    """(k,) TRACK of states ``x`` (k, ≥9), ``P`` (k, ≥9, ≥9) after so many ``resets``; no protection levels."""
+    """(k,) TRACK of states ``x`` (k, ≥9), ``P`` (k, ≥9, ≥9) after so many ``resets``."""
     track = np.zeros(len(t_ns), TRACK)
     track["t_ns"], track["x"], track["P"], track["quality"] = t_ns, x[:, :CORE], P[:, :CORE, :CORE], 100
     track["reset_counter"] = resets

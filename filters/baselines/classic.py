@@ -28,7 +28,7 @@ WHY = REASONS | {BROKEN: "its covariance lost its digits"}
 
 
 class ClassicUkf(Baseline):
-    """The interface of `FixedLagSmoother`. Starts, and starts anew, as the other filters of the literature."""
+    """The interface of `FixedLagSmoother`; starts, and starts anew, as the others of this folder."""
 
     def __init__(self, sensors: Sequence[Sensor], settings: Settings):
         from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter  # 0.8 s
@@ -93,7 +93,7 @@ class ClassicUkf(Baseline):
         self._kf.predict(F=F)
 
     def _update(self, rows, i: int) -> tuple[float, float]:
-        """Take row ``i`` in; returns its innovation and 1-sigma. Raises LinAlgError where P is no covariance."""
+        """Take row ``i`` in; its innovation and 1-sigma. Raises LinAlgError where P is no covariance."""
         kf, s, channel = self._kf, rows.sensor[i], int(rows.channel[i])
         centre = observe(self.model, s, channel, kf.x)
         kf.sigmas_f = kf.points_fn.sigma_points(kf.x, kf.P)  # filterpy keeps those of before the last update
