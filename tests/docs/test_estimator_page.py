@@ -35,19 +35,15 @@ def test_a_constant_of_the_page_is_that_of_the_code(name):
 
 def test_a_constant_of_the_code_is_on_the_page():
     """Those that are written with a fraction or an exponent: whole numbers are mostly names."""
-    missing = []
-    for path in (
-        p for folder in ("models", "smoother") for p in sorted((ROOT / "filters" / folder).glob("*.py"))
-    ):
+    fraction, missing = re.compile(r"\d\.\d|\de-?\d"), []
+    for path in sorted((ROOT / "filters").glob("*/*.py")):
+        if path.parent.name not in ("models", "smoother"):
+            continue
         for line in path.read_text(encoding="utf-8").splitlines():
-            left, equals, right = line.partition(" = ")
-            if (
-                equals
-                and left.replace("_", "").replace(", ", "").isupper()
-                and re.search(r"\d\.\d|\de-?\d", right)
-            ):
-                names = [f"{path.parent.name}.{path.stem}.{name}" for name in left.split(", ")]
-                missing += [name for name in names if name not in table()]
+            left, _, right = line.partition(" = ")
+            if re.fullmatch(r"[A-Z][A-Z0-9_, ]+", left) and fraction.search(right):
+                missing += [f"{path.parent.name}.{path.stem}.{name}" for name in left.split(", ")]
+    missing = [name for name in missing if name not in table()]
     assert [name for name in missing if name.rpartition(".")[2] not in ELSEWHERE] == []
 
 
