@@ -9,12 +9,10 @@ from bench import score
 from bench.scene import Case, SimulatedFlight, first_instrument, fly
 from filters import methods as named
 from filters.baselines import baselines
-from filters.models.rows import Sensor
-from filters.models.settings import Settings
 from filters.simulation import simulate
 from filters.smoother.estimator import FixedLagSmoother
 
-METHODS = (*named.METHODS, *baselines.PSD_FACTORS)
+METHODS = tuple(named.METHODS)
 LATE_S, ARRIVAL_S = 0.8, 0.1  # largest delay; arrivals are handed over so often
 
 
@@ -36,13 +34,6 @@ class MethodRun(NamedTuple):
     report: dict
 
 
-def make(method: str, sensors: Sequence[Sensor]) -> FixedLagSmoother | baselines.Baseline:
-    """One of METHODS."""
-    if method in baselines.PSD_FACTORS:
-        return baselines.make(method, sensors, Settings())
-    return named.make(method, sensors)
-
-
 def follow(
     one: FixedLagSmoother | baselines.Baseline, rows: np.ndarray, ends: np.ndarray | None = None
 ) -> MethodRun:
@@ -56,7 +47,7 @@ def follow(
 def _figures(
     case: Case, flight: SimulatedFlight, oracle: MethodRun, method: str, seed: int, seconds: float
 ) -> dict:
-    run = follow(make(method, flight.sensors), flight.rows)
+    run = follow(named.make(method, flight.sensors), flight.rows)
     t_ns = score.epochs(run.track, oracle.track, flight.truth)
     error_m = score.distance_m(run.track, flight.truth, t_ns)
     smoothed_m, oracle_m, oracle_smoothed_m = (
@@ -95,7 +86,7 @@ def _late_m(case: Case, flight: SimulatedFlight, run: MethodRun, method: str, se
     arrival_s = (flight.rows["t_ns"] - simulate.T0_NS) * 1e-9 + delay_s
     order = np.argsort(arrival_s, kind="stable")
     ends = np.flatnonzero(np.diff(arrival_s[order] // ARRIVAL_S)) + 1
-    late = follow(make(method, flight.sensors), flight.rows[order], ends)
+    late = follow(named.make(method, flight.sensors), flight.rows[order], ends)
     if len(late.left) != len(run.left):
         return float("inf")
     return float(np.abs(late.left["x"] - run.left["x"]).max())

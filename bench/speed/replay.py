@@ -5,8 +5,7 @@
 
 Feeds are simulated from the truth around the sample's station. By default the real command runs three times
 after a warm-up and compares the files bit by bit. ``--against-filterpy`` replays clean feeds, and lets
-filterpy's unscented filter (textbook sigma points, redrawn before each update) work on the same rows, the
-same model.
+``--method filterpy-ukf`` work on the same rows.
 """
 
 import hashlib
@@ -17,18 +16,15 @@ import time
 from pathlib import Path
 
 import numpy as np
-from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter
 
 from bridges import simulated
 from bridges.tlog import flight as tlog_flight
 from bridges.tlog import tlog
-from filters.models.rows import AZIMUTH, ELEVATION, TRACK, Sensor
-from filters.models.settings import Settings
+from filters import methods
 from gcs.contract import config
 from gcs.outputs.record import Record
 from gcs.station import replay
 from gcs.station.session import Session
-from tests.filters import full_ukf
 
 SAMPLE = Path(__file__).resolve().parents[2] / "logs" / "sample"
 NAMES = ("theo-north", "theo-east", "radar-1")
@@ -91,7 +87,7 @@ def accuracy(log: Path, truth: Path) -> None:
         ours_t = np.loadtxt(
             Path(folder, "run", "track.csv"), delimiter=",", skiprows=1, usecols=0, dtype=np.int64
         )
-    theirs = filterpy_track(session.sensors, rows)
+    theirs = methods.make("filterpy-ukf", session.sensors).step(rows).track
     offset_ns = simulated.boot_to_utc_ns(log)
     true = simulated.read_truth(truth, offset_ns)
     enu = flight.frame.to_enu(true["lat_deg"], true["lon_deg"], true["alt_m"])
@@ -106,54 +102,3 @@ def accuracy(log: Path, truth: Path) -> None:
         print(
             f"{name:<12} RMSE {np.sqrt(np.mean(error**2)):.3f} m, worst {error.max():.2f} m, n {len(error)}"
         )
-
-
-def filterpy_track(sensors: list[Sensor], rows: np.ndarray) -> np.ndarray:
-    """(k,) TRACK of filterpy's filter: p, v, a and the INS position bias; every row used."""
-    settings = Settings()
-    n, bias = 12, slice(9, 12)
-    sigma2, tau = settings.ins_bias_sigma_m**2, settings.ins_bias_tau_s
-
-    class TextbookUkf(UnscentedKalmanFilter):
-        """filterpy keeps sigma points between sequential updates; the textbook draws them again."""
-
-        def update(self, *args, **kwargs):
-            self.sigmas_f = self.points_fn.sigma_points(self.x, self.P)
-            super().update(*args, **kwargs)
-
-    def observe(x, sensor, channel):
-        own = x[bias][channel - full_ukf.E] if sensor.kind == "ins" and channel < full_ukf.E + 3 else 0.0
-        return full_ukf.value(sensor, channel, x) + own
-
-    def step(x, dt):
-        return np.concatenate([full_ukf.transition(dt)[0] @ x[:9], np.exp(-dt / tau) * x[bias]])
-
-    first = rows[rows["t_ns"] <= rows["t_ns"][rows["channel"] == full_ukf.E][0]]
-    fix = {int(row["channel"]): row["value"] for row in first if row["sensor"] == 0}
-    points = MerweScaledSigmaPoints(n, 1.0, 0.0, 3.0 - n)
-    kf = TextbookUkf(n, 1, 1.0, hx=None, fx=step, points=points)
-    kf.x = np.array([*(fix[full_ukf.E + k] for k in range(3)), *np.zeros(9)])
-    kf.P = np.diag(np.repeat([25.0**2, 30.0**2, 10.0**2, sigma2], 3))
-    track, now = [], int(first["t_ns"][-1])
-    for row in rows[rows["t_ns"] >= now]:
-        if row["t_ns"] > now:
-            track.append((now, kf.x[:9].copy(), kf.P[:9, :9].copy(), 0, 0, now, np.nan, np.nan, False))
-            dt = (row["t_ns"] - now) * 1e-9
-            kf.Q = np.zeros((n, n))
-            kf.Q[:9, :9] = settings.jerk_psd * full_ukf.transition(dt)[1]
-            kf.Q[bias, bias] = np.eye(3) * sigma2 * (1 - np.exp(-2 * dt / tau))
-            kf.predict(dt=dt)
-            now = int(row["t_ns"])
-        sensor, channel = sensors[row["sensor"]], int(row["channel"])
-        centre = observe(kf.x, sensor, channel)
-        angle = channel in (AZIMUTH, ELEVATION)
-
-        def near(a, centre=centre, angle=angle):
-            return np.array([(a - centre + np.pi) % (2 * np.pi) - np.pi if angle else a])
-
-        kf.update(
-            near(row["value"]),
-            R=np.array([[sensor.sigma[channel] ** 2]]),
-            hx=lambda x, s=sensor, c=channel, near=near: near(observe(x, s, c)),
-        )
-    return np.array(track, dtype=TRACK)

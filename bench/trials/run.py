@@ -9,7 +9,7 @@ import numpy as np
 
 from bench.trials import peers
 from bench.trials.scene import Scene
-from bench.trials.world import TRACK, VERDICT, baselines, methods, simulate
+from bench.trials.world import TRACK, VERDICT, methods, simulate
 from filters.models.settings import Settings
 
 BATCH_S = 0.25
@@ -29,10 +29,7 @@ def make_estimator(name: str, sensors, **settings):
     """An estimator by name: the project's own, those of the literature, and the peers of ``peers``."""
     if name in peers.PEERS:
         return peers.make(name, sensors)
-    wanted = Settings(**settings)
-    if name in baselines.PSD_FACTORS:
-        return baselines.make(name, sensors, wanted)
-    return methods.make(name, sensors, wanted)
+    return methods.make(name, sensors, Settings(**settings))
 
 
 def known_height(mean_m: float, sigma_m: float) -> dict[str, float] | None:

@@ -12,6 +12,7 @@ The papers say nothing about loss of lock: here a filter that has believed no po
 heard nothing for longer, begins anew, and counts it.
 """
 
+import copy
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -60,7 +61,15 @@ class Baseline:
         self._tally = np.zeros((len(sensors), len(CHANNELS), 3))
 
     def warm_up(self) -> None:
-        """Nothing: the first step compiles."""
+        """Compile everything, or fetch it from the cache, before the first measurement."""
+        twin = copy.deepcopy(self)
+        said = [(s, c) for s, sensor in enumerate(self.sensors) for c in np.flatnonzero(sensor.sigma > 0)]
+        rows = np.zeros(6 * len(said), ROW)
+        for k in range(len(rows)):
+            rows[k] = (k, k // len(said) * 300_000_000, *said[k % len(said)], 1.0, 0.0)
+        twin.step(rows)
+        twin.finish()
+        twin.smooth()
 
     def step(self, rows: np.ndarray) -> Step:
         """Take in ``rows`` (n,) ROW in order of time."""
@@ -107,7 +116,7 @@ class Baseline:
             passes.forward(self.model, rows, own, densities, x, P, rows.t[0], end, out, work)
             passes.backward(self.model, rows, own, densities, end, out, r, N, unused, work)
             first = buffer.epochs(rows.t)
-            parts.append(_track(rows.t[first], out.x[first], out.P[first], number))
+            parts.append(publish(rows.t[first], out.x[first], out.P[first], number))
         return np.concatenate(parts)
 
     def report(self) -> dict:
@@ -128,14 +137,17 @@ class Baseline:
                 refused.append(_refused(self._waiting[first], status.NO_STATE))
                 self._waiting = self._waiting[~first]
                 continue
-            x, P = _middle(found)
-            m = len(self._psds)
-            self._stretches.append(Stretch(x, P, [], []))
-            many = (np.repeat(part[None], m, axis=0) for part in (x, P))
-            self._mind = Mind(*many, np.full(m, 1.0 / m), np.array([t[0], 0]))
-            self._now_ns = int(t[0])
+            self._lock_on(*_middle(found), int(t[0]))
             break
         return np.concatenate(refused)
+
+    def _lock_on(self, x: np.ndarray, P: np.ndarray, t_ns: int) -> None:
+        """Begin at ``t_ns`` from ``x`` (n,), ``P`` (n, n)."""
+        m = len(self._psds)
+        self._stretches.append(Stretch(x, P, [], []))
+        many = (np.repeat(part[None], m, axis=0) for part in (x, P))
+        self._mind = Mind(*many, np.full(m, 1.0 / m), np.array([t_ns, 0]))
+        self._now_ns = t_ns
 
     def _follow(self, new: np.ndarray) -> tuple[int, np.ndarray, np.ndarray]:
         """Filter ``new`` (k,) ROW until the lock is lost: (rows taken, their TRACK, their VERDICT)."""
@@ -166,7 +178,7 @@ class Baseline:
             verdicts["verdict"] = np.where(used, USED, DEWEIGHTED)
             verdicts["reason"] = np.where(used, status.NONE, status.INNOVATION)
         last = np.flatnonzero(np.diff(done.t, append=done.t[-1:] + 1))
-        return count, _track(done.t[last], told.x[:epochs], told.P[:epochs], number), verdicts
+        return count, publish(done.t[last], told.x[:epochs], told.P[:epochs], number), verdicts
 
 
 def columns(model: models.Model, rows: np.ndarray, height_m: float = np.nan) -> buffer.Rows:
@@ -191,7 +203,8 @@ def _refused(rows: np.ndarray, reason: int) -> np.ndarray:
     return buffer.refusals(rows, np.full(len(rows), reason))
 
 
-def _track(t_ns, x, P, resets) -> np.ndarray:
+def publish(t_ns: np.ndarray, x: np.ndarray, P: np.ndarray, resets: int) -> np.ndarray:
+    """(k,) TRACK of states ``x`` (k, ≥9), ``P`` (k, ≥9, ≥9) after so many ``resets``."""
     track = np.zeros(len(t_ns), TRACK)
     track["t_ns"], track["x"], track["P"], track["quality"] = t_ns, x[:, :CORE], P[:, :CORE, :CORE], 100
     track["reset_counter"] = resets

@@ -17,7 +17,7 @@ BELIEVED = 0.1  # weight of a position from which on it counts as believed
 LOST_NS, LOST_ROWS = 2_000_000_000, 10  # no position believed for so long, and so many that were not: lost
 SILENT_NS = 10_000_000_000  # so long without a position believed is a gap that no filter bridges
 LOST, SILENT = 1, 2
-REASONS = {LOST: "no position believed for 2 s", SILENT: "no position heard for 10 s"}
+REASONS = {LOST: "no position believed for 2 s", SILENT: "nothing heard of its place for 10 s"}
 
 
 class Mind(NamedTuple):

@@ -53,7 +53,8 @@ def _compile() -> None:
     for t_ns in (0, 100_000_000):
         wind.step(t_ns, 20.0, level, ahead)
     wind.carry(t_ns, np.zeros(2), np.eye(2)).step(2 * t_ns, 20.0, level)
-    methods.make("default", sensors).warm_up()  # the last; all methods are made of the same code
+    methods.make("imm", sensors).warm_up()  # and wolf: the same code
+    methods.make("default", sensors).warm_up()  # the last; all others are made of the same code
 
 
 if __name__ == "__main__":

@@ -20,6 +20,13 @@ Feeds = Annotated[
     tuple[str, ...], Parameter(consume_multiple=True, negative="", help="NAME=FILE.csv, one per instrument")
 ]
 Correction = Annotated[str, Parameter(help="the learned part: off, or a network that gcs train wrote")]
+Method = Annotated[
+    str,
+    Parameter(
+        help="named estimator: default; ukf, gate, igg, ga-bp-ukf, the same with other weights; "
+        "to compare with, wolf, imm and filterpy-ukf (slow: 0.3 ms a value)"
+    ),
+]
 Config = Annotated[
     tuple[str, ...],
     Parameter(consume_multiple=True, negative="", help="KEY=VALUE, any setting: ins.height_m=1.5"),

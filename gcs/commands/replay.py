@@ -8,7 +8,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from gcs.commands.compose import new_session, open_bus, open_view, targets
-from gcs.commands.options import Config, Correction, Feeds, StationFile, on_signal, speed_of, writable
+from gcs.commands.options import Config, Correction, Feeds, Method, StationFile, on_signal, speed_of, writable
 from gcs.contract import config as configuration
 from gcs.contract.messages import InputError
 from gcs.learning.network import correction_of
@@ -30,7 +30,7 @@ def command(
         bool, Parameter(negative="", help="show it in the browser, with playback controls")
     ] = False,
     publish: Annotated[bool, Parameter(negative="", help="publish the cleaned state on the bus")] = False,
-    method: Annotated[str, Parameter(help="named estimator")] = "default",
+    method: Method = "default",
     correction: Correction = "off",
     config: Config = (),
 ) -> None:

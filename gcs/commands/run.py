@@ -5,7 +5,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from gcs.commands.options import Config, Correction, stopped
+from gcs.commands.options import Config, Correction, Method, stopped
 from gcs.commands.serve import serve
 from gcs.contract import config as configuration
 from gcs.learning.network import correction_of
@@ -16,7 +16,7 @@ def command(
     station: Path,
     out: Annotated[Path | None, Parameter(help="run folder; logs/runs/<now> by default")] = None,
     view: Annotated[bool, Parameter(help="show it in the browser")] = True,
-    method: Annotated[str, Parameter(help="named estimator")] = "default",
+    method: Method = "default",
     correction: Correction = "off",
     seconds: Annotated[float | None, Parameter(help="end after so long")] = None,
     config: Config = (),

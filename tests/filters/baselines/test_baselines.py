@@ -73,7 +73,7 @@ def test_a_gap_begins_anew_too():
     heard = rows[(t_s < 4.0) | (t_s > 15.0)]
     estimator = baselines.make("wolf", used, Settings())
     track, _, _ = run(estimator, heard, batch=100)
-    assert [one["reason"] for one in estimator.report()["resets"]] == ["no position heard for 10 s"]
+    assert [one["reason"] for one in estimator.report()["resets"]] == ["nothing heard of its place for 10 s"]
     assert error_m(track, truth, skip_s=16.0).max() < 3.0
 
 
