@@ -203,7 +203,7 @@ def test_a_log_that_says_that_gps_was_lost(tmp_path):
     with (tmp_path / "verdicts.csv").open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     invalid = [row for row in rows if row["verdict"] == "invalid"]
-    # by accelerations alone the estimator's own state is known too poorly in the end, and waits for the next fix
+    # by accelerations alone the state is known too poorly in the end: the rest waits for the next fix
     waiting = [row for row in invalid if row["channel"] in ("ae", "an", "au")]
     assert {row["reason"] for row in waiting} <= {"no state yet"}
     assert len(waiting) < 30
