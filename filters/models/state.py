@@ -34,7 +34,9 @@ class Model(NamedTuple):
     prior: np.ndarray  # (n,) variance of each systematic error before the first row; the core's entries are 0
 
 
-def build(sensors: Sequence[Sensor], bias_sigma_m=ins.BIAS_SIGMA_M, bias_tau_s=ins.BIAS_TAU_S) -> Model:
+def build(
+    sensors: Sequence[Sensor], bias_sigma_m: float = ins.BIAS_SIGMA_M, bias_tau_s: float = ins.BIAS_TAU_S
+) -> Model:
     """The state is p, v, a, then per sensor its zero errors and its clock, in the sensors' order.
 
     Instruments have those they are asked to estimate, an INS has always its position and velocity errors and

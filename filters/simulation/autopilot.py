@@ -44,7 +44,7 @@ class Autopilot(NamedTuple):
     follow_s: float = 1.5  # in which it follows a jump of its GPS, and comes back
 
 
-def glitches(seconds: float, per_hour: float, rng) -> tuple[Glitch, ...]:
+def glitches(seconds: float, per_hour: float, rng: np.random.Generator) -> tuple[Glitch, ...]:
     """Faults at random, none in the first 10 s: jumps of 10 to 60 m for 5 to 30 s, silences of 10 to 60 s."""
     out = []
     for _ in range(rng.poisson(per_hour * seconds / 3600.0)):

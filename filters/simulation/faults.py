@@ -118,7 +118,7 @@ def echo(clean: np.ndarray, faults: Faults) -> np.ndarray:
     return out
 
 
-def encoder(t_s: np.ndarray, faults: Faults, rng) -> np.ndarray:
+def encoder(t_s: np.ndarray, faults: Faults, rng: np.random.Generator) -> np.ndarray:
     """(m, 4) a bit that sticks for some seconds at a time: the azimuth is off by its worth."""
     out = np.zeros((len(t_s), 4))
     if faults.encoder_step and faults.encoder_share:
@@ -132,7 +132,9 @@ def encoder(t_s: np.ndarray, faults: Faults, rng) -> np.ndarray:
     return out
 
 
-def losses(t_s: np.ndarray, rate_radps: np.ndarray, faults: Faults, rng) -> tuple[np.ndarray, np.ndarray]:
+def losses(
+    t_s: np.ndarray, rate_radps: np.ndarray, faults: Faults, rng: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray]:
     """((m,) lost, (m, 4) off): nothing while it is lost, then it slides back on target."""
     lost, off = np.zeros(len(t_s), bool), np.zeros((len(t_s), 4))
     chance = rng.random(len(t_s))

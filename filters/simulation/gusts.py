@@ -4,6 +4,7 @@ Source: MIL-HDBK-1797, *Flying Qualities of Piloted Aircraft* (1997), low-altitu
 intensities by height, spectra as filters of white noise. Its formulas are in feet.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -29,7 +30,9 @@ AIRFRAMES = {
 }
 
 
-def dryden(airspeed_mps, height_m, wind_mps: float, dt_s: float, rng) -> np.ndarray:
+def dryden(
+    airspeed_mps: np.ndarray, height_m: np.ndarray, wind_mps: float, dt_s: float, rng: np.random.Generator
+) -> np.ndarray:
     """(n, 3) gusts along, across and up, m/s; ``airspeed_mps`` and ``height_m`` of the aircraft (n,).
 
     ``wind_mps`` is the mean wind at 6 m (20 ft): 7.5 light, 15 moderate, 23 severe turbulence.
@@ -39,7 +42,7 @@ def dryden(airspeed_mps, height_m, wind_mps: float, dt_s: float, rng) -> np.ndar
     return _filtered(sigma, passing_s, dt_s, rng.normal(size=(len(sigma), 3, 2)))
 
 
-def intensities(height_m, wind_mps: float) -> tuple[np.ndarray, np.ndarray]:
+def intensities(height_m: np.ndarray, wind_mps: float) -> tuple[np.ndarray, np.ndarray]:
     """1-sigma, m/s, and scale length, m, along, across and up, (n, 3) each."""
     height_ft = np.clip(height_m, LOWEST_M, HIGHEST_M) / FOOT_M
     shape = 0.177 + 0.000823 * height_ft
@@ -49,7 +52,13 @@ def intensities(height_m, wind_mps: float) -> tuple[np.ndarray, np.ndarray]:
     return np.column_stack([flat, flat, up]), np.column_stack([long_m, long_m, height_ft * FOOT_M])
 
 
-def buffeted(truth: Truth, wind_mps: float, airframe: Airframe, rng, wind_enu=(0.0, 0.0, 0.0)) -> Truth:
+def buffeted(
+    truth: Truth,
+    wind_mps: float,
+    airframe: Airframe,
+    rng: np.random.Generator,
+    wind_enu: Sequence[float] = (0.0, 0.0, 0.0),
+) -> Truth:
     """``truth``, evenly sampled, as flown through turbulence; the mean wind sets the air speed."""
     dt_s = float(truth.t_s[1] - truth.t_s[0])
     through = truth.v - np.array(wind_enu)

@@ -21,6 +21,7 @@ from filters.models.state import prior_covariance
 from filters.smoother import adaptation, start, status
 from filters.smoother.buffer import Rows, outcome
 from filters.smoother.hypothesis import Hypothesis, Moment, Workspace
+from filters.smoother.passes import Scores
 
 SHORTFALL = 2.0  # standard deviations of the log evidence below which the model is thought to be wrong
 LOST = 12.0  # … for a method that decides at first sight and takes outliers in its stride
@@ -63,7 +64,7 @@ class Bank:
         other.best = self.best and self.best.copy()
         return other
 
-    def redecide(self, rows: Rows, keep: int):
+    def redecide(self, rows: Rows, keep: int) -> tuple[Scores, bool]:
         """Settle the window, challenge the incumbent where it fails; returns (scores, started anew)."""
         best = self.best
         found = best.settle(rows, keep)
@@ -103,7 +104,7 @@ class Bank:
             self._put_to_the_proof(rows)
         return winner.settle(rows, keep), started
 
-    def watch(self, rows: Rows, keep: int):
+    def watch(self, rows: Rows, keep: int) -> tuple[Scores, bool]:
         """For methods that have no window: start anew where they have lost the target; as `redecide`."""
         found = self.best.look(rows, keep)
         if self.best.shortfall < LOST:

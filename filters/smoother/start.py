@@ -14,6 +14,7 @@ from filters.models.kernel import kernel
 from filters.models.motion import CORE
 from filters.models.rows import AZIMUTH, ELEVATION, RANGE, VE, E, N, U
 from filters.models.state import Model, prior_covariance
+from filters.smoother.buffer import Rows
 
 PLACE_SIGMA_M, PLACE_SHARE = 1e3, 0.3  # of a first state about its place, m, and share of the distance: much
 # more than the place is worth, and not so much that the covariance loses its digits
@@ -59,7 +60,7 @@ def places(rows, offset, rotation, is_ins, height_m, begin):
         k = end
 
 
-def fixes(model: Model, rows, height_m: float) -> np.ndarray:
+def fixes(model: Model, rows: Rows, height_m: float) -> np.ndarray:
     """(f, 5) sensor, time (s from the first row) and position (3,) m station ENU that the rows allow.
 
     Of an INS, of an instrument alone, and of two lines of sight (sensor: the first one's).
@@ -107,7 +108,7 @@ def _crossing(model, a, ray_a, b, ray_b):
 
 
 def candidates(
-    model: Model, rows, height_m: float, height_sigma_m: float
+    model: Model, rows: Rows, height_m: float, height_sigma_m: float
 ) -> list[tuple[int, np.ndarray, np.ndarray]]:
     """(sensor, x (n,), P (n, n)) at the time of the first row: one first state for every sensor with a fix.
 
@@ -142,7 +143,14 @@ def _line(t_s: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.median(p - t_s[:, None] * velocity, axis=0), velocity
 
 
-def state(model: Model, place, sigma_m, velocity, height_m, height_sigma_m) -> tuple[np.ndarray, np.ndarray]:
+def state(
+    model: Model,
+    place: np.ndarray,
+    sigma_m: float,
+    velocity: np.ndarray,
+    height_m: float,
+    height_sigma_m: float,
+) -> tuple[np.ndarray, np.ndarray]:
     """State (n,) and covariance (n, n) around a place, with an open mind."""
     n = len(model.prior)
     x, P = np.zeros(n), prior_covariance(model)

@@ -1,9 +1,11 @@
 """The estimator's evidence in numbers: consistency per channel, systematic errors, resets."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from filters.models.rows import CHANNELS
-from filters.models.state import common_shift, common_variance
+from filters.models.rows import CHANNELS, Sensor
+from filters.models.state import Model, common_shift, common_variance
 
 SEEN = 0.5  # a systematic error is observable when the flight has at least halved its prior sigma
 UNITS = {
@@ -12,7 +14,14 @@ UNITS = {
 }  # fmt: skip
 
 
-def report(sensors, model, x, P, tally, resets) -> dict:
+def report(
+    sensors: Sequence[Sensor],
+    model: Model,
+    x: np.ndarray,
+    P: np.ndarray,
+    tally: np.ndarray,
+    resets: list[dict],
+) -> dict:
     """Per sensor: channels with counts and mean NIS in its 95 % band, and the systematic errors with 1-sigma.
 
     The band is that of the mean of independent χ²(1) values, 1 ± 1.96 √(2/count) (Bar-Shalom et al., 5.4.2).

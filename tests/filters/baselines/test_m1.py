@@ -6,6 +6,7 @@ import pytest
 from filters.correction.correction import Correction, Network
 from filters.methods import make
 from filters.models.rows import AZIMUTH, DEWEIGHTED, ELEVATION, ISOLATED, PATCH, RANGE, USED
+from filters.smoother import status
 from tests.filters import scenes
 
 pytestmark = pytest.mark.decision
@@ -35,7 +36,7 @@ def test_an_isolated_outlier_loses_gain_with_its_size():
         (bad,) = hit(case, 1, RANGE, 120, 1, size)
         _, _, verdicts = scenes.run(make("ga-bp-ukf", used), case)
         found = verdicts[verdicts["id"] == bad][0]
-        assert found["verdict"] == (ISOLATED if found["weight"] < 0.5 else DEWEIGHTED)
+        assert found["verdict"] == (ISOLATED if found["weight"] < status.DOUBT else DEWEIGHTED)
         weights.append(found["weight"])
     assert 1.0 > weights[0] > weights[1] > weights[2] == 0.0
 

@@ -52,9 +52,6 @@ def total_by_a_kernel(values):
     return total(values)
 
 
-@pytest.mark.xfail(
-    COMPILED, strict=True, reason="compiled on behalf of a kernel, it takes over the kernel's fastmath"
-)
 def test_exact_stays_exact_where_a_kernel_is_the_first_to_call_it():
     values = np.random.default_rng(0).normal(size=1000) * 10.0 ** np.arange(1000) ** 0.3
     in_order = 0.0
@@ -74,9 +71,6 @@ def test_exact_knows_what_is_not_a_number():
     assert not unknown_exactly(np.inf)
 
 
-@pytest.mark.xfail(
-    COMPILED, strict=True, reason="fastmath assumes that there is no NaN: x != x is folded to False"
-)
 def test_a_kernel_knows_what_is_not_a_number():
     assert unknown(math.nan)
     assert not unknown(1.0)

@@ -4,7 +4,6 @@ import itertools
 
 import numpy as np
 import pytest
-from numba import config
 
 from filters.models import state
 from filters.models.motion import CORE
@@ -252,11 +251,6 @@ def test_a_wide_row_is_linear_at_its_own_place():
         assert np.allclose(m, P @ h, rtol=1e-5, atol=1e-3)
 
 
-@pytest.mark.xfail(
-    not config.DISABLE_JIT,
-    strict=True,
-    reason="compiled with fastmath, the test for a missing place is folded away",
-)
 @pytest.mark.parametrize("channel", [RANGE, AZIMUTH, ELEVATION], ids=CHANNELS[:3])
 def test_a_line_of_sight_alone_says_nothing_while_the_place_is_unknown(channel):
     sensor = small.theodolite()

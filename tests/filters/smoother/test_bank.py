@@ -5,7 +5,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from numba import config
 
 from filters.models import state
 from filters.models.motion import PSD
@@ -69,11 +68,6 @@ def test_every_subset_begins_where_the_target_is(name):
     assert not one.spread.any()
 
 
-@pytest.mark.xfail(
-    not config.DISABLE_JIT,
-    strict=True,
-    reason="fastmath folds away the test for a missing elevation: no place",
-)
 def test_a_known_height_replaces_an_elevation():
     p, _ = small.truth(np.zeros(1))
     one, rows, found = begun([FLAT], prior=Prior(p[0, 2], 10.0))

@@ -118,7 +118,6 @@ def test_outliers_are_found_and_good_rows_kept(whole):
     assert refused[~bad & settled & (rows["sensor"] > 0)].mean() < 0.02
 
 
-@pytest.mark.xfail(strict=True, reason="a vague channel does not recover from one outlier, see test_status")
 def test_good_rows_of_an_ins_are_kept(whole):
     rows, bad, (_, _, verdicts, _) = whole
     refused = np.isin(finals(verdicts)["verdict"], (ISOLATED, PATCH))
@@ -133,7 +132,6 @@ def test_weights_and_verdicts_agree(whole):
     )
 
 
-@pytest.mark.xfail(strict=True, reason="what is decided by `finish` itself is never published as smoothed")
 def test_finish_leaves_nothing_open(whole):
     rows, _, (_, smoothed, _, _) = whole
     epochs = np.unique(rows["t_ns"])

@@ -66,9 +66,6 @@ def test_places_before_begin_stay():
     assert (rows.place == 7.0).all()
 
 
-@pytest.mark.xfail(
-    COMPILED, strict=True, reason="compiled with fastmath, the test for a missing elevation is folded away"
-)
 def test_a_known_height_stands_in_for_the_elevation():
     sensor = small.radar(place=(50.0, 20.0, -5.0), r=5.0, az=1e-3)
     model, rows = seen([sensor])

@@ -23,7 +23,7 @@ FAR_M = tracks.KNOWN_M / tracks.KNOWN_SHARE
 
 
 def known(model, one):
-    return bool(tracks.known(model, one)[0])
+    return bool(tracks.known(model, one["x"], one["P"])[0])
 
 
 def test_a_state_is_moved_back_along_its_own_motion():

@@ -202,7 +202,12 @@ def test_a_log_that_says_that_gps_was_lost(tmp_path):
     assert summary["log"]["frames_bad_crc"] == {}
     with (tmp_path / "verdicts.csv").open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
-    refused = [row for row in rows if row["verdict"] == "invalid"]
+    invalid = [row for row in rows if row["verdict"] == "invalid"]
+    # by accelerations alone the state is known too poorly in the end: the rest waits for the next fix
+    waiting = [row for row in invalid if row["channel"] in ("ae", "an", "au")]
+    assert {row["reason"] for row in waiting} <= {"no state yet"}
+    assert len(waiting) < 30
+    refused = [row for row in invalid if row not in waiting]
     assert {begin_ns, end_ns} <= {int(row["t_ns"]) for row in refused}
     assert {row["reason"] for row in refused} == {"no GPS fix, the autopilot's own dead reckoning"}
     assert Counter(row["channel"] for row in refused) == dict.fromkeys(

@@ -19,7 +19,7 @@ def labelled(weight, *, length=None, alone=False, channels=None):
 
 
 def test_names_by_weight():
-    verdict, reason, _ = labelled([1.0, 0.96, 0.94, status.DOUBT, 0.4, 0.0])
+    verdict, reason, _ = labelled([1.0, 0.96, 0.94, status.DOUBT, 0.9 * status.DOUBT, 0.0])
     assert verdict == [USED, USED, DEWEIGHTED, DEWEIGHTED, ISOLATED, ISOLATED]
     assert reason == [status.NONE] * 2 + [status.INNOVATION] * 4
 

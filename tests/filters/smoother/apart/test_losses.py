@@ -52,10 +52,6 @@ def test_an_unknown_method_lists_the_known_ones():
         methods.make("magic", SENSORS)
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="the window is decided again by status whatever the rule: no method but the default is itself",
-)
 def test_plain_ukf_takes_everything_and_a_gate_does_not():
     rows, bad = contaminated(4.0, share=0.02)
     settled = rows["t_ns"] > 1_500_000_000
