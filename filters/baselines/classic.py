@@ -16,9 +16,9 @@ from filters.models import motion, radar, theodolite
 from filters.models import state as models
 from filters.models.motion import CORE
 from filters.models.rows import RANGE_RATE, USED, VE, VERDICT, E, Sensor
+from filters.models.settings import Settings
 from filters.models.unscented import difference
 from filters.smoother import status
-from filters.smoother.estimator import Settings
 
 START_SIGMAS = 25.0, 30.0, 10.0  # m, m/s, m/s² per axis, of a first state: a fix, and a UAV's usual speeds
 KEPT_SIGMA = 1e-3  # m/s, m/s²: of a height known beforehand, which stays; zero has no Cholesky factor

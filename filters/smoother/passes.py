@@ -17,7 +17,6 @@ from filters.models.rows import VE
 from filters.models.state import SLOTS, predict_row
 from filters.models.update import update
 
-
 CLIPPED = 3.0  # sigmas that a refused value counts for in its channel's noise
 
 

@@ -12,7 +12,7 @@ from filters import methods
 from filters.baselines import classic
 from filters.correction.correction import off
 from filters.models.rows import AZIMUTH, CHANNELS, LATE, RANGE, USED, E
-from filters.smoother.estimator import Settings
+from filters.models.settings import Settings
 from tests.filters import full_ukf
 from tests.filters.scenes import error_m, run, scene
 
