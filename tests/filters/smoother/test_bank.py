@@ -56,6 +56,9 @@ SUBSETS = {
 }
 
 
+CONFIRMED_BY_NOBODY = {"INS only", "one theodolite", "one radar"}  # its first rows may be a run of its own
+
+
 @pytest.mark.parametrize("name", SUBSETS)
 def test_every_subset_begins_where_the_target_is(name):
     one, rows, found = begun(SUBSETS[name])
@@ -64,7 +67,7 @@ def test_every_subset_begins_where_the_target_is(name):
     assert sigmas < 5.0
     assert metres < (15.0 if name == "one radar" else 5.0)
     assert (one.best.own.weight > status.DOUBT).mean() > 0.95
-    assert not one.ambiguous
+    assert one.ambiguous == (name in CONFIRMED_BY_NOBODY)
     assert not one.spread.any()
 
 
@@ -256,7 +259,7 @@ def trial(at, sigma=1.0):
 
 
 def doubt(*ranked):
-    one, _, _ = begun([A])
+    one, _, _ = begun([A, B])
     one._doubt([(odds, k, h) for k, (odds, h) in enumerate(ranked)])
     return one
 
