@@ -15,7 +15,6 @@ from bench.scene import Case
 from filters.models.settings import Settings
 from gcs.contract.messages import InputError
 from gcs.outputs.console import say
-from gcs.station.session import as_json
 
 FIRST_SEED = 10_000  # those below serve for tuning
 
@@ -48,7 +47,7 @@ def run(
         "seeds": seeds,
         "first_seed": first_seed,
         "seconds": seconds,
-        "settings": as_json(Settings()),
+        "settings": {k: None if value != value else value for k, value in Settings()._asdict().items()},
         "wall_s": time.monotonic() - begin_s,
         "cases": results,
     }

@@ -39,6 +39,7 @@ def prepare() -> None:
 def _compile() -> None:
     """Every kind of sensor with everything to be estimated: all the code a session can ask for."""
     from filters import methods
+    from filters.correction.correction import Correction, Network
     from filters.models.rows import CHANNELS, ROW, Sensor
     from filters.screening.witness import Witness
     from filters.wind.wind import WindEstimator
@@ -54,7 +55,9 @@ def _compile() -> None:
         wind.step(t_ns, 20.0, level, ahead)
     wind.carry(t_ns, np.zeros(2), np.eye(2)).step(2 * t_ns, 20.0, level)
     methods.make("imm", sensors).warm_up()  # and wolf: the same code
-    methods.make("default", sensors).warm_up()  # the last; all others are made of the same code
+    nothing = Network(np.zeros((1, 9)), np.zeros(1), np.zeros((9, 1)), np.zeros(9), np.ones(9), np.zeros(9))
+    learned = Correction(nothing)
+    methods.make("default", sensors, correction=learned).warm_up()  # the last; all others are of this code
 
 
 if __name__ == "__main__":
