@@ -8,9 +8,10 @@ import pytest
 
 from bench import accuracy, score
 from bench.cases import CASES, WRONG
-from bench.measure import follow, make, measure
+from bench.measure import follow, measure
 from bench.scene import Case, Patch, SimulatedFlight, fly
 from bench.speed import peers, speed
+from filters.methods import make
 from filters.models.rows import ISOLATED, ROW, TRACK, USED, VERDICT
 from filters.simulation import scenario, simulate
 from gcs.contract.messages import InputError
