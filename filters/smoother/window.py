@@ -65,8 +65,6 @@ class Window:
         main = self.now.banks[0]
         head = main.best and main.best.head
         if head and not tracks.known(self.space.model, head.x[None], head.P[None], LOST_FACTOR)[0]:
-            if self.now.was_known:  # else its rows are still those of a start
-                self._decide(self.buffer.done - self.buffer.decided)
             main.best, main.reason = None, "known too poorly: begun again from the sensors"
         for bank in self.now.banks:
             if bank.best is not None and self._silent_too_long(bank, t_ns):

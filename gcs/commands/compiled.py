@@ -56,9 +56,7 @@ def _compile() -> None:
     wind.carry(t_ns, np.zeros(2), np.eye(2)).step(2 * t_ns, 20.0, level)
     nothing = Network(np.zeros((1, 9)), np.zeros(1), np.zeros((9, 1)), np.zeros(9), np.ones(9), np.zeros(9))
     learned = Correction(nothing)
-    methods.make(
-        "default", sensors, correction=learned
-    ).warm_up()  # the last; all methods are of the same code
+    methods.make("default", sensors, correction=learned).warm_up()  # the last; all methods share it
 
 
 if __name__ == "__main__":
