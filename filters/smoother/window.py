@@ -65,8 +65,6 @@ class Window:
         main = self.now.banks[0]
         head = main.best and main.best.head
         if head and not tracks.known(self.space.model, head.x[None], head.P[None], LOST_FACTOR)[0]:
-            if self.now.was_known:  # else its rows are still those of a start
-                self._decide(self.buffer.done - self.buffer.decided)
             main.best, main.reason = None, "known too poorly: begun again from the sensors"
         for bank in self.now.banks:
             if bank.best is not None and self._silent_too_long(bank, t_ns):
@@ -74,6 +72,9 @@ class Window:
                     dt = (t_ns - bank.best.head.t_ns) * 1e-9
                     bank.reason = f"nothing heard for {dt:.1f} s: begun again from the sensors"
                     self._decide(self.buffer.done - self.buffer.decided)
+                bank.best = None
+        if main.best is None:  # the others go on only beside it: their windows are the same rows
+            for bank in self.now.banks[1:]:
                 bank.best = None
 
     def _silent_too_long(self, bank: Bank, t_ns: int) -> bool:

