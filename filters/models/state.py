@@ -177,7 +177,7 @@ def predict_row(model, rows, i, x, P, psd, out, k, work):
         for j in range(n):
             m[k, j] += P[bias, j]
     out.count[k] = count
-    return v, variance
+    return v, max(variance, 0.0)  # rounding may take it below, where the covariance is huge
 
 
 @kernel

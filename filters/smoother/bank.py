@@ -53,10 +53,9 @@ class Bank:
         self._proven_ns = 0  # until then a start of one sensor alone may be the middle of its own run
         self.reason = ""  # of the newest start
 
-    @property
-    def ambiguous(self) -> bool:
-        """Whether another hypothesis is nearly as likely, or nobody else has confirmed this start yet."""
-        return self._close_call or (self.best is not None and self.best.head.t_ns < self._proven_ns)
+    def ambiguous(self, t_ns: np.ndarray) -> np.ndarray:
+        """(k,) bool: another hypothesis is nearly as likely, or nobody else has confirmed this start yet."""
+        return self._close_call | (t_ns < self._proven_ns)
 
     def copy(self) -> "Bank":
         other = object.__new__(Bank)
@@ -203,8 +202,9 @@ class Bank:
         if len(kept):
             x[kept] = known.x[kept]
             both = np.ix_(kept, kept)
-            P[both] = np.minimum(4.0 * known.P[both], 1e9)
-            P[kept, kept] = np.minimum(P[kept, kept], prior_covariance(model)[kept, kept])
+            wide, most = 4.0 * known.P[both], np.diag(prior_covariance(model))[kept]
+            shrink = np.sqrt(np.minimum(1.0, most / np.maximum(np.diag(wide), 1e-300)))
+            P[both] = shrink[:, None] * wide * shrink  # never wider than the prior, and still a covariance
 
 
 def apart(a: Hypothesis, b: Hypothesis) -> bool:

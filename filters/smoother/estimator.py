@@ -145,7 +145,6 @@ class FixedLagSmoother:
         self._place(end)
         while buffer.done < end:
             new = buffer.view(buffer.done, end)
-            self._window.forget_the_lost(int(new.t[0]))
             if now.best is None:
                 self._wait(new)
                 continue
@@ -214,7 +213,7 @@ class FixedLagSmoother:
             x = told.x[i, :CORE]
             track["x"][i] = self._correction(told.before_x[i], told.before_P[i], x, told.P[i])[:CORE]
         track["t_ns"], track["P"] = told.t[:k], told.P[:k] + bank.spread
-        track["reset_counter"], track["ambiguous"] = self._now.reset_counter, bank.ambiguous
+        track["reset_counter"], track["ambiguous"] = self._now.reset_counter, bank.ambiguous(track["t_ns"])
         return tracks.polished(track, self._window.shift_s(told.x[:k]))
 
     # ---- at its end
@@ -229,6 +228,8 @@ class FixedLagSmoother:
                 t = buffer.rows.t[buffer.decided : buffer.done]
                 left = self._window.redecide(int(np.searchsorted(t, boundary_ns - lag_ns)))
                 now.closed_ns = boundary_ns
+        if buffer.done < buffer.size:
+            self._window.forget_the_lost(boundary_ns)
         now.boundary_ns = boundary_ns
         self._snapshots.take(now, buffer, left)
         for oldest in self._snapshots.expire(boundary_ns - round(1e9 * self.settings.lateness_s)):

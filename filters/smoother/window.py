@@ -148,7 +148,7 @@ class Window:
         now, own = self.now, self.now.best.own
         used, where = own.weight[:cut] >= status.DOUBT, (rows.sensor[:cut], rows.channel[:cut])
         np.add.at(now.tally[..., 0], where, used)
-        np.add.at(now.tally[..., 1], where, np.where(used, own.nis[:cut], 0.0))
+        np.add.at(now.tally[..., 1], where, np.where(used, np.nan_to_num(own.nis[:cut]), 0.0))
         np.add.at(now.tally[..., 2], where, ~used)
         decided, unread = Rows(*(column[:cut] for column in rows)), np.zeros((2, cut), "i1")
         status.label(decided, own.weight[:cut], now.length, np.zeros(len(now.length), bool), *unread)
