@@ -1,5 +1,5 @@
-# `make demo` shows the main job, `make test` proves it, `make check` is what one runs while working: under a
-# minute, without browser, torch, network and whatever takes seconds. All set up .venv first.
+# `make demo` shows the main job, `make test` proves it, `make check` is what one runs while working: a few
+# minutes, without browser, torch, network and whatever takes seconds. All set up .venv first.
 PYTHON ?= python3
 BIN := .venv/bin
 
