@@ -17,7 +17,7 @@ test: .venv/test
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/python -m pytest
-	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -m 'decision and not slow'
+	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -m 'decision and not slow and not compiled'
 
 check: .venv/check
 	$(BIN)/ruff check .

@@ -4,13 +4,10 @@ import math
 
 import numpy as np
 import pytest
-from numba import config
 
 from filters.models.kernel import exact, kernel
 
 pytestmark = pytest.mark.decision
-
-COMPILED = not config.DISABLE_JIT
 
 
 @kernel
@@ -33,7 +30,7 @@ def unknown_exactly(value):
     return value != value
 
 
-@pytest.mark.skipif(not COMPILED, reason="plain Python raises")
+@pytest.mark.compiled  # plain Python raises
 def test_a_number_divided_by_zero_is_infinite():
     assert divide(1.0, 0.0) == math.inf
     assert divide(-1.0, 0.0) == -math.inf

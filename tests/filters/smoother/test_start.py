@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from numba import config
 
 from filters.models import state
 from filters.models.motion import CORE
@@ -12,7 +11,6 @@ from tests.filters.smoother.kit import small
 
 pytestmark = pytest.mark.decision
 
-COMPILED = not config.DISABLE_JIT
 HERE = np.array([700.0, -400.0, 150.0])
 
 
@@ -72,7 +70,6 @@ def test_a_known_height_stands_in_for_the_elevation():
     assert np.allclose(place(model, rows, HERE[2]).place, HERE, atol=1e-8)
 
 
-@pytest.mark.xfail(not COMPILED, strict=True, reason="min(1, NaN) is 1 in Python: a place straight overhead")
 def test_no_place_without_elevation_and_height():
     model, rows = seen([small.radar(r=5.0, az=1e-3)])
     assert np.isnan(place(model, rows).place).all()
