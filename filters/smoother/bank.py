@@ -6,7 +6,7 @@ the same; the log evidence with prior odds decides:
 
     again       the same anchor, all rows open again, annealed
     manoeuvre   the same, with a much wilder motion from where the misfits begin
-    start       nothing known before: each sensor's own fix, then all rows, annealed
+    start       nothing known before: each sensor's own fix and rows, then all rows
 
 The first start, a gap, a jump, a capture by a bad sensor are all the last of these.
 """
@@ -86,7 +86,7 @@ class Bank:
         ranked = sorted(
             [
                 (before, 0, best),
-                *((odds + t.log_evidence, k + 1, t) for k, (odds, t) in enumerate(trials) if t),
+                *((odds + t.log_evidence, k + 1, t) for k, (odds, t) in enumerate(trials)),
             ],
             key=lambda entry: (-entry[0], entry[1]),
         )
@@ -96,7 +96,7 @@ class Bank:
             best.settle(rows, keep)
             return found, False
         self.best = winner
-        started = number > kept >= 3
+        started = number > kept
         if started:
             refused = (best.own.weight < status.DOUBT).mean()
             self.reason = f"{refused:.0%} of the window's rows refused: begun again from the sensors"

@@ -49,11 +49,8 @@ REASONS = (
     "same time and channel twice",
     "older than the window",
     "no state yet",
-    "more rows than one sensor may send",
 )
-NONE, INNOVATION, IN_RUN, AMBIGUOUS, NOT_FINITE, NO_CHANNEL, TWICE, TOO_OLD, NO_STATE, TOO_MANY = range(
-    len(REASONS)
-)
+NONE, INNOVATION, IN_RUN, AMBIGUOUS, NOT_FINITE, NO_CHANNEL, TWICE, TOO_OLD, NO_STATE = range(len(REASONS))
 
 
 @exact

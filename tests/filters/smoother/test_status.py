@@ -242,7 +242,7 @@ def test_probabilities_of_the_statuses_sum_to_one(residuals, s, share):
 
 
 def test_every_reason_has_a_text():
-    assert len(set(status.REASONS)) == len(status.REASONS) == status.TOO_MANY + 1
+    assert len(set(status.REASONS)) == len(status.REASONS) == status.NO_STATE + 1
 
 
 def test_a_trace_of_nothing():
