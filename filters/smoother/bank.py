@@ -1,9 +1,11 @@
 """The bank of hypotheses about one set of sensors: the incumbent, and those that challenge it.
 
-A proposal is made when the incumbent explains its window worse than a right model would (a posterior
-predictive check: Gelman et al. 2013, *Bayesian Data Analysis*, 6.3). Whatever went wrong, the proposals are
-the same; the log evidence with prior odds decides:
+The first two proposals are made wherever there is one to make. The others when the incumbent explains its
+window worse than a right model would (a posterior predictive check: Gelman et al. 2013, *Bayesian Data
+Analysis*, 6.3), whatever went wrong. The log evidence with prior odds decides:
 
+    without     the weights of the bank without some sensor, where that puts the target elsewhere
+    running     rows after the begin of a run stay closed in their channel, then opened
     again       the same anchor, all rows open again, annealed
     manoeuvre   the same, with a much wilder motion from where the misfits begin
     start       nothing known before: each sensor's own fix and rows, then all rows
@@ -11,12 +13,13 @@ the same; the log evidence with prior odds decides:
 The first start, a gap, a jump, a capture by a bad sensor are all the last of these.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from filters.models.motion import CORE
-from filters.models.rows import AE
+from filters.models.rows import AE, CHANNELS
 from filters.models.state import prior_covariance
 from filters.smoother import adaptation, start, status
 from filters.smoother.buffer import Rows, outcome
@@ -25,8 +28,8 @@ from filters.smoother.passes import Scores
 
 SHORTFALL = 2.0  # standard deviations of the log evidence below which the model is thought to be wrong
 LOST = 12.0  # … for a method that decides at first sight and takes outliers in its stride
-ODDS_AGAIN = np.log(1e-2)  # prior odds, in any one window: the incumbent has explained all windows before
-ODDS_MANOEUVRE, ODDS_START = np.log(1e-3), np.log(1e-4)
+ODDS_MANOEUVRE, ODDS_START = np.log(0.1), np.log(1e-2)  # prior odds in any one window
+INERTIA = np.log(1e-2)  # prior odds of any change: the incumbent has explained all windows before
 MISFIT = 5.0  # rows that one misfit outweighs in the search for where a manoeuvre began
 TEMPER = 0.3  # power of the odds: rows of a channel are less independent than the model says
 PROOF_NS = 3_000_000_000  # longer than the runs of outliers that radars and theodolites show
@@ -63,35 +66,45 @@ class Bank:
         other.best = self.best and self.best.copy()
         return other
 
-    def redecide(self, rows: Rows, keep: int) -> tuple[Scores, bool]:
-        """Settle the window, challenge the incumbent where it fails; returns (scores, started anew)."""
+    def redecide(self, rows: Rows, keep: int, others: Sequence[Hypothesis] = ()) -> tuple[Scores, bool]:
+        """Settle the window, challenge the incumbent where it fails; returns (scores, started anew).
+
+        ``others``: what is made of the same rows without some sensor.
+        """
         best = self.best
         found = best.settle(rows, keep)
         self._close_call, self.spread = False, np.zeros((CORE, CORE))
-        if best.shortfall < SHORTFALL or len(rows.t) == 0:
+        weights = [other.own.weight for other in others if apart(best, other)]
+        running = self._running(rows)
+        failing = len(rows.t) > 0 and best.shortfall >= SHORTFALL
+        if not weights and not running.any() and not failing:
             return found, False
         before = best.log_evidence
-        everything = (rows.sensor != self.excluded).astype(float)
-        again = self._again(rows, everything, annealed=True)
-        wilder = self._manoeuvre(rows)
-        trials, starts = [(ODDS_AGAIN, again), (ODDS_MANOEUVRE, wilder)], []
-        unexplained = min(again.shortfall, wilder.shortfall) > SHORTFALL
-        if unexplained or best.shortfall > 3.0 * SHORTFALL:
-            starts = self._starts(rows)
+        trials = [(0.0, self._again(rows, weight, annealed=False)) for weight in weights]
+        if running.any():
+            trial = best.copy()
+            trial.settle(rows, 0, running)
+            trials.append((0.0, trial))
+            trials.append((0.0, self._again(rows, trial.own.weight, annealed=False)))
+        starts = []
+        if failing:
+            everything = (rows.sensor != self.excluded).astype(float)
+            again = self._again(rows, everything, annealed=True)
+            wilder = self._manoeuvre(rows)
+            trials += [(0.0, again), (ODDS_MANOEUVRE, wilder)]
+            unexplained = min(again.shortfall, wilder.shortfall) > SHORTFALL
+            if unexplained or best.shortfall > 3.0 * SHORTFALL:
+                starts = self._starts(rows)
         if starts:
             likeliest = max(starts, key=lambda trial: trial.log_evidence)
-            trials.append((ODDS_AGAIN, self._again(rows, likeliest.own.weight, annealed=False)))
+            trials.append((0.0, self._again(rows, likeliest.own.weight, annealed=False)))
         kept = len(trials)
         trials += [(ODDS_START, trial) for trial in starts]
-        ranked = sorted(
-            [
-                (before, 0, best),
-                *((odds + t.log_evidence, k + 1, t) for k, (odds, t) in enumerate(trials)),
-            ],
-            key=lambda entry: (-entry[0], entry[1]),
-        )
-        _, number, winner = ranked[0]
-        self._doubt(ranked)
+        odds = [before, *(odds + trial.log_evidence for odds, trial in trials)]
+        everyone = [best, *(trial for _, trial in trials)]
+        number = int(np.argmax([before, *(o + INERTIA for o in odds[1:])]))
+        winner = everyone[number]
+        self._doubt(winner, odds[number], list(zip(odds, everyone, strict=True)))
         if winner is best:
             best.settle(rows, keep)
             return found, False
@@ -110,7 +123,8 @@ class Bank:
             return found, False
         starts = self._starts(rows)
         likeliest = max(starts, key=lambda trial: trial.log_evidence, default=self.best)
-        if likeliest.log_evidence + ODDS_START < self.best.log_evidence or likeliest.shortfall > SHORTFALL:
+        gain = likeliest.log_evidence + ODDS_START + INERTIA - self.best.log_evidence
+        if gain < 0.0 or likeliest.shortfall > SHORTFALL:
             return found, False
         self.best, self.reason = likeliest, "lost the target: begun again from the sensors"
         return likeliest.look(rows, keep), True
@@ -122,7 +136,7 @@ class Bank:
         if not trials:
             return False
         self.best = trials[0]
-        self._doubt([(trial.log_evidence, 0, trial) for trial in trials])
+        self._doubt(trials[0], trials[0].log_evidence, [(trial.log_evidence, trial) for trial in trials])
         self._put_to_the_proof(rows)
         return True
 
@@ -132,20 +146,19 @@ class Bank:
         alone = len(np.unique(used)) < 2
         self._proven_ns = self.best.head.t_ns + (PROOF_NS if alone else 0)
 
-    def _doubt(self, ranked: list) -> None:
+    def _doubt(self, winner: Hypothesis, top: float, ranked: list[tuple[float, Hypothesis]]) -> None:
         """What is left of the other hypotheses: a spread of the state, and whether it is ambiguous.
 
-        ``ranked`` (log odds, ·, hypothesis), the likeliest first. Moments of a Gaussian mixture about its
-        likeliest member (Bar-Shalom et al. 2001, 1.4.16).
+        ``ranked`` (log odds, hypothesis), the ``winner`` with log odds ``top`` among them. Moments of a
+        Gaussian mixture about the winner (Bar-Shalom et al. 2001, 1.4.16).
         """
-        top, _, winner = ranked[0]
-        others = [(np.exp(TEMPER * (odds - top)), h, odds) for odds, _, h in ranked[1:] if apart(winner, h)]
-        total = 1.0 + sum(chance for chance, _, _ in others)
+        others = [(min(odds - top, 0.0), h) for odds, h in ranked if apart(winner, h, 1.0)]
+        chances = [np.exp(TEMPER * odds) for odds, _ in others]
         self.spread = np.zeros((CORE, CORE))
-        for chance, h, _ in others:
+        for chance, (_, h) in zip(chances, others, strict=True):
             gap = h.head.x[:CORE] - winner.head.x[:CORE]
-            self.spread += chance / total * np.outer(gap, gap)
-        self._close_call = any(top - odds < CLOSE for _, _, odds in others)
+            self.spread += chance / (1.0 + sum(chances)) * np.outer(gap, gap)
+        self._close_call = any(-odds < CLOSE and apart(winner, h) for odds, h in others)
 
     def _again(self, rows: Rows, weight: np.ndarray, *, annealed: bool) -> Hypothesis:
         """The same anchor, from other weights (k,)."""
@@ -153,6 +166,20 @@ class Bank:
         trial.own.weight[:] = weight
         trial.settle(rows, 0, annealed=annealed)
         return trial
+
+    def _running(self, rows: Rows) -> np.ndarray:
+        """(k,) bool: rows from the begin of a run in their channel on, if some are used all the same."""
+        running, outlier = np.zeros(len(rows.t), bool), self.best.own.weight < status.DOUBT
+        name = rows.sensor.astype(np.int64) * len(CHANNELS) + rows.channel
+        for one in np.unique(name[outlier]):
+            mine = np.flatnonzero(name == one)
+            if len(mine) < status.PATCH_ROWS:
+                continue
+            together = np.convolve(outlier[mine], np.ones(status.PATCH_ROWS), "valid") == status.PATCH_ROWS
+            if together.any():
+                since = mine[np.argmax(together) :]
+                running[since] = not outlier[since].all()
+        return running & (rows.sensor != self.excluded)
 
     def _manoeuvre(self, rows: Rows) -> Hypothesis:
         """The same anchor; from where the misfits begin, all rows open again and a much wilder motion."""
@@ -207,8 +234,8 @@ class Bank:
             P[both] = shrink[:, None] * wide * shrink  # never wider than the prior, and still a covariance
 
 
-def apart(a: Hypothesis, b: Hypothesis) -> bool:
-    """Whether two hypotheses put the target in different places, by their own sigmas."""
+def apart(a: Hypothesis, b: Hypothesis, sigmas: float = APART) -> bool:
+    """Whether two hypotheses put the target in different places, by so many of their own ``sigmas``."""
     gap = a.head.x[:3] - b.head.x[:3]
     variance = np.diag(a.head.P)[:3] + np.diag(b.head.P)[:3]
-    return bool((gap**2 > APART**2 * np.maximum(variance, 1e-12)).any())
+    return bool((gap**2 > sigmas**2 * np.maximum(variance, 1e-12)).any())

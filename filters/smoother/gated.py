@@ -56,7 +56,7 @@ def admit(
     """Filter rows epoch by epoch, in place; stops after the first epoch from ``quiet_ns`` on that surprises.
 
     Where a row of an epoch looks wrong, those that agree best with the prediction go first and sharpen it
-    for the rest: the sensors vote at the same instant. ``memory`` (s, 13, 5) are the statuses so far, see
+    for the rest: the sensors vote at the same instant. ``memory`` (s, 13, 6) are the statuses so far, see
     `status.filtered`. Rows of sensor ``excluded`` get no weight. What happened goes into ``to``, `Told`.
     Returns (rows taken, epochs, the surprise reached).
     """

@@ -27,7 +27,7 @@ class Moment(NamedTuple):
     t_ns: int
     x: np.ndarray  # (n,)
     P: np.ndarray  # (n, n)
-    memory: np.ndarray  # (s, 13, 5) see status.filtered
+    memory: np.ndarray  # (s, 13, 6) see status.filtered
 
     def copy(self) -> "Moment":
         return Moment(self.t_ns, self.x.copy(), self.P.copy(), self.memory.copy())
@@ -94,20 +94,25 @@ class Hypothesis:
     def _noise(self, rows: Rows) -> np.ndarray:
         return rows.stated * np.exp(self.scale[0])[rows.sensor, rows.channel]
 
-    def settle(self, rows: Rows, keep: int, *, annealed: bool = False) -> passes.Scores:
+    def settle(
+        self, rows: Rows, keep: int, closed: np.ndarray | None = None, *, annealed: bool = False
+    ) -> passes.Scores:
         """Weigh the window's ``rows`` again, each by what all others say; the head follows.
 
-        States of the first ``keep`` rows are smoothed into the workspace's trace. ``annealed`` begins with
-        wide noise, so that the weights it starts from do not decide where it ends. Sets ``log_evidence`` and
+        States of the first ``keep`` rows are smoothed into the workspace's trace. Rows that are ``closed``
+        (k,) get no weight, beside those of the sensor left out. ``annealed`` begins with wide noise, so that
+        the weights it starts from do not decide where it ends. Sets ``log_evidence`` and
         ``shortfall`` (what the model would expect more, in its own standard deviations).
         """
         noise, own = self._noise(rows), self.own
+        left_out = rows.sensor == self.excluded
+        closed = left_out if closed is None else closed | left_out
         for temperature in ANNEALING if annealed else ANNEALING[-1:]:
             own.noise[:] = temperature * noise
             for _ in range(1 if temperature > 1.0 else PASSES):
                 found = self._smooth(rows, keep)
                 memory = self.anchor.memory.copy()
-                change = status.posterior(rows, own, memory, self.excluded)
+                change = status.posterior(rows, own, memory, closed)
                 if temperature == 1.0 and change < SETTLED:
                     break
             if temperature == 1.0:

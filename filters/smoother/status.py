@@ -1,17 +1,19 @@
 """The hidden status of every measurement: good, an isolated outlier, or within a run of them.
 
-Each channel of each sensor is a Markov chain over GOOD, ISOLATED, RUN; a row's residual r, with the deletion
-variance s² = d² + R (d² of the prediction by all others, R of its own noise), is the observation:
+Each channel of each sensor is a Markov chain over GOOD, ISOLATED, RUN; a row's residual r with its variance
+s² (d² of the prediction, R of its own noise) is the observation:
 
     GOOD      N(r; 0, s²)
-    ISOLATED  Cauchy(r; WIDTH s): a gross error of no particular size
-    RUN       half the same, half N(r; r of the row before, 2 s² + (SPREAD r)²): a run goes on as it was.
-              Rows of a channel share the error d of the prediction, so a sequence of them proves less than
-              so many independent ones: the likelihood ratio to the better of the two others counts with
-              the power R / s².
+    ISOLATED  Cauchy(r; WIDTH s): a gross error of no particular size; so is the first row of a run
+    RUN       N(r; level, V + R), or erratic: the same Cauchy. A run goes on at its level, a random walk that
+              is followed with its variance V row by row, all paths of the chain merged (as in GPB1:
+              Bar-Shalom et al. 2001, 11.6.3). It moves by FRESH d² + (SPREAD level)²: rows of a channel that
+              is not used share most of the prediction's error. Nearer than LEAST √R it is no run: errors
+              that are merely correlated, as an INS's are, make none
 
-`posterior` is the forward-backward algorithm (Rabiner 1989, *A tutorial on hidden Markov models*); the weight
-of a row is its probability of being GOOD. `filtered` is its forward half, for a row at first sight.
+`log_evidence` takes innovations, so it is the likelihood of the rows one after the other. `posterior` is the
+forward-backward algorithm (Rabiner 1989, *A tutorial on hidden Markov models*) on deletion residuals; the
+weight of a row is its probability of being GOOD. `filtered` is the forward half, for a row at first sight.
 On deletion residuals as cavity distributions: Minka 2001 (*Expectation propagation*, the clutter problem).
 """
 
@@ -32,8 +34,10 @@ GROSS_COST, RUN_COST = 4.0, 2.0  # log likelihood by which an outlier of usual s
 NEWEST_NS = 250_000_000  # what goes wrong begins in the newest rows
 MEMORY_ROWS = 50.0  # over so many rows the share of outliers of a channel is learned
 WIDTH = 10.0  # sigmas: half of all gross errors are larger
-HANDICAP = 1.0  # log likelihood by which a run is worse at a row that fits
-SPREAD = 0.2  # share by which the errors of a run differ
+SPREAD = 0.1  # share of its level by which the errors of a run differ
+FRESH = 0.1  # of the variance of the prediction by all others is new from row to row
+LEAST = 3.0  # sigmas of its own noise by which the rows of a run are off
+ERRATIC = 0.1  # of the rows of a run are anywhere
 DOUBT = 0.1  # a row less likely good than this is an outlier
 SURE = 0.95  # … and one so likely good is simply used
 NEGLIGIBLE = 1e-3  # a smaller probability of being good is none
@@ -68,57 +72,59 @@ def log_gross(r, s):
 
 
 @exact
-def log_run(r, s, noise, before):
-    """Log density of a row within a run; ``noise`` is its own variance, ``before`` the residual before it."""
-    spread = math.sqrt(2.0 * s * s + (SPREAD * before) ** 2)
-    run = math.log(0.5 * math.exp(log_gross(r, s)) + 0.5 * math.exp(log_good(r - before, spread)))
-    power = min(1.0, noise / (s * s))
-    alone = max(log_good(r, s) - HANDICAP, log_gross(r, s))  # a row that fits speaks against the run
-    return power * run + (1.0 - power) * alone
+def log_run(r, s, noise, level, variance):
+    """Log density of a further row, of own variance ``noise``, of a run at ``level`` ± √``variance``."""
+    moved = variance + _wander(s, noise, level)
+    gross, near = math.exp(log_gross(r, s)), math.exp(log_good(r - level, math.sqrt(noise + moved)))
+    offset = 0.5 * math.erfc((LEAST * math.sqrt(noise) - abs(level)) / math.sqrt(2.0 * moved))
+    return math.log(ERRATIC * gross + (1.0 - ERRATIC) * offset * near)
 
 
 @exact
-def emission(r, s, noise, before):
-    """Likelihoods of a row's residual if it is good, isolated or within a run, up to a common factor."""
-    good, gross, run = log_good(r, s), log_gross(r, s), log_run(r, s, noise, before)
+def _wander(s, noise, level):
+    """Variance by which a run's level moves from row to row."""
+    return FRESH * (s * s - noise) + (SPREAD * level) ** 2
+
+
+@exact
+def _advance(m, r, s, noise, good, gross, run):
+    """Move a channel's ``m`` (6,) on by one row of residual ``r`` and 1-sigma ``s``, given its log densities.
+
+    Returns the log likelihood of the row.
+    """
     top = max(good, gross, run)
-    return math.exp(good - top), math.exp(gross - top), math.exp(run - top)
+    settled, stay, p = m[0] + m[1], 1.0 - 1.0 / RUN_ROWS, m[4]
+    wrong = settled * p * math.exp(gross - top)
+    a = (settled * (1.0 - p) + m[2] * (1.0 - stay)) * math.exp(good - top)
+    begun, gone_on = wrong * RUN_SHARE, m[2] * stay * math.exp(run - top)
+    c = begun + gone_on
+    total = a + wrong - begun + c
+    if c > 0.0:
+        _follow_level(m, r, s, noise, begun / c)
+    m[0], m[1], m[2] = a / total, (wrong - begun) / total, c / total
+    return top + math.log(total)
 
 
 @exact
-def _predicted(chance, p):
-    """Status probabilities one row on, before that row is seen; ``p`` of an outlier after a good row."""
-    settled = chance[0] + chance[1]
-    stay = 1.0 - 1.0 / RUN_ROWS
-    return (
-        settled * (1.0 - p) + chance[2] * (1.0 - stay),
-        settled * p * (1.0 - RUN_SHARE),
-        settled * p * RUN_SHARE + chance[2] * stay,
-    )
-
-
-@exact
-def _forward(chance, p, like):
-    """Status probabilities one row on: transition, likelihood, normalised. Tuples of three."""
-    a, b, c = _predicted(chance, p)
-    total = a * like[0] + b * like[1] + c * like[2]
-    return a * like[0] / total, b * like[1] / total, c * like[2] / total
+def _follow_level(m, r, s, noise, fresh):
+    """The level of a run, and its variance, after residual ``r``; ``fresh`` P(the run begins here)."""
+    before = m[5] + _wander(s, noise, m[3])
+    gain = before / (before + noise)
+    old, new = m[3] + gain * (r - m[3]), r
+    m[3] = fresh * new + (1.0 - fresh) * old
+    m[5] = fresh * (noise + (new - m[3]) ** 2) + (1.0 - fresh) * ((1.0 - gain) * before + (old - m[3]) ** 2)
 
 
 @exact
 def filtered(memory, r, s, noise):
-    """Move a channel's ``memory`` (5,) on by one row at first sight; returns (P(good), log likelihood).
+    """Move a channel's ``memory`` (6,) on by one row at first sight; returns (P(good), log likelihood).
 
-    ``memory`` is the probability of each status, and the residual, of its newest row, and the probability of
-    an outlier after a good row, learned by `advance`.
+    ``memory`` is the probability of each status of its newest row, the level of its run, the probability of
+    an outlier after a good row, learned by `advance`, and the variance of the level.
     """
-    good, gross, run = log_good(r, s), log_gross(r, s), log_run(r, s, noise, memory[3])
-    top = max(good, gross, run)
-    a, b, c = _predicted((memory[0], memory[1], memory[2]), memory[4])
-    a, b, c = a * math.exp(good - top), b * math.exp(gross - top), c * math.exp(run - top)
-    total = a + b + c
-    memory[0], memory[1], memory[2], memory[3] = a / total, b / total, c / total, r
-    return a / total, top + math.log(total)
+    good, gross, run = log_good(r, s), log_gross(r, s), log_run(r, s, noise, memory[3], memory[5])
+    likelihood = _advance(memory, r, s, noise, good, gross, run)
+    return memory[0], likelihood
 
 
 @exact
@@ -135,15 +141,15 @@ def expected(s, p):
 
 
 def fresh_memory(sensors: int) -> np.ndarray:
-    """(s, 13, 5) of channels that have said nothing yet."""
-    memory = np.zeros((sensors, len(CHANNELS), 5))
+    """(s, 13, 6) of channels that have said nothing yet."""
+    memory = np.zeros((sensors, len(CHANNELS), 6))
     memory[..., 0], memory[..., 4] = 1.0, P_OUTLIER
     return memory
 
 
 @njit(cache=True)
 def advance(rows, own, memory):
-    """Move ``memory`` (s, 13, 5) past all rows by their residuals, in place, and learn from their weights."""
+    """Move ``memory`` (s, 13, 6) past all rows by their residuals, in place, and learn from their weights."""
     for k in range(len(rows.t)):
         m = memory[rows.sensor[k], rows.channel[k]]
         good = m[0]
@@ -154,33 +160,37 @@ def advance(rows, own, memory):
 
 
 @njit(cache=True)
-def posterior(rows, own, memory, excluded):
+def posterior(rows, own, memory, closed):
     """P(good) of each of the k rows into ``own.weight`` (k,), all rows of its channel considered.
 
-    ``own`` is a `buffer.Outcome` with deletion residuals and their 1-sigma. ``memory`` (s, 13, 5) as before
-    the first row; moved on in place to what it is after the last one. Rows of sensor ``excluded`` get no
+    ``own`` is a `buffer.Outcome` with deletion residuals and their 1-sigma. ``memory`` (s, 13, 6) as before
+    the first row; moved on in place to what it is after the last one. Rows that are ``closed`` (k,) get no
     weight. Returns the largest change of a weight.
     """
     count, stay = len(rows.t), 1.0 - 1.0 / RUN_ROWS
     like, chance = np.empty((count, 3)), np.empty((count, 3))
     for k in range(count):
         m = memory[rows.sensor[k], rows.channel[k]]
-        like[k] = emission(own.residual[k], own.sigma[k], own.noise[k], m[3])
-        chance[k] = _forward((m[0], m[1], m[2]), m[4], (like[k, 0], like[k, 1], like[k, 2]))
-        m[0], m[1], m[2], m[3] = chance[k, 0], chance[k, 1], chance[k, 2], own.residual[k]
+        r, s, noise = own.residual[k], own.sigma[k], own.noise[k]
+        good, gross, run = log_good(r, s), log_gross(r, s), log_run(r, s, noise, m[3], m[5])
+        top = max(good, gross, run)
+        like[k, 0], like[k, 1], like[k, 2] = math.exp(good - top), math.exp(gross - top), math.exp(run - top)
+        _advance(m, r, s, noise, good, gross, run)
+        chance[k] = m[:3]
     later = np.ones((memory.shape[0], memory.shape[1], 3))
     change = 0.0
     for k in range(count - 1, -1, -1):
         b = later[rows.sensor[k], rows.channel[k]]
         both = chance[k] * b
         good = both[0] / both.sum()
-        if good < NEGLIGIBLE or rows.sensor[k] == excluded:
+        if good < NEGLIGIBLE or closed[k]:
             good = 0.0
         change = max(change, abs(good - own.weight[k]))
         own.weight[k] = good
-        ahead, p = like[k] * b, memory[rows.sensor[k], rows.channel[k], 4]
-        settled = (1.0 - p) * ahead[0] + p * ((1.0 - RUN_SHARE) * ahead[1] + RUN_SHARE * ahead[2])
-        b[0], b[1], b[2] = settled, settled, (1.0 - stay) * ahead[0] + stay * ahead[2]
+        p = memory[rows.sensor[k], rows.channel[k], 4]
+        fits, wrong, goes_on = like[k, 0] * b[0], like[k, 1], like[k, 2] * b[2]
+        settled = (1.0 - p) * fits + p * wrong * ((1.0 - RUN_SHARE) * b[1] + RUN_SHARE * b[2])
+        b[0], b[1], b[2] = settled, settled, (1.0 - stay) * fits + stay * goes_on
         b /= b.sum()
     return change
 
@@ -189,9 +199,9 @@ def posterior(rows, own, memory, excluded):
 def log_evidence(rows, own, v, S, memory, excluded):
     """Log likelihood of k rows under their statuses, and what a model that is right would expect of it.
 
-    Forward algorithm per channel: a good row by its innovation ``v`` (k,) of variance ``S`` (k,), an outlier
-    by its deletion residual. ``memory`` (s, 13, 5) as before the first row; moved on in place. All rows
-    count, whatever a hypothesis leaves out, so that hypotheses compare. Returns (log evidence, shortfall):
+    Forward algorithm per channel, every row by its innovation ``v`` (k,) of variance ``S`` (k,). ``memory``
+    (s, 13, 6) as before the first row; moved on in place. All rows count, whatever a hypothesis leaves out,
+    so that hypotheses compare. Returns (log evidence, shortfall):
     what a right model would expect more, in its standard deviations, of all rows or of the newest.
     """
     total = due = spread = 0.0
@@ -201,20 +211,17 @@ def log_evidence(rows, own, v, S, memory, excluded):
         if rows.t[k] <= since:
             newest = total, due, spread
         m = memory[rows.sensor[k], rows.channel[k]]
-        w, r, noise = own.weight[k], own.residual[k], own.noise[k]
-        s = math.sqrt(S[k] + (noise / w - noise if w > 0.0 else 0.0))
-        good = -1e3 if rows.sensor[k] == excluded else log_good(v[k], s)
-        gross, run = log_gross(r, own.sigma[k]), log_run(r, own.sigma[k], noise, m[3])
-        top = max(good, gross, run)
-        a, b, c = _predicted((m[0], m[1], m[2]), m[4])
-        a, b, c = a * math.exp(good - top), b * math.exp(gross - top), c * math.exp(run - top)
-        p = a + b + c
-        m[0], m[1], m[2], m[3] = a / p, b / p, c / p, r
-        total += top + math.log(p)
+        w, noise, sigma = own.weight[k], own.noise[k], math.sqrt(S[k])
+        good = -1e3
+        if rows.sensor[k] != excluded:
+            good = log_good(v[k], math.sqrt(S[k] + (noise / w - noise if w > 0.0 else 0.0)))
+        gross, run = log_gross(v[k], sigma), log_run(v[k], sigma, noise, m[3], m[5])
+        likelihood = _advance(m, v[k], sigma, noise, good, gross, run)
+        total += likelihood
         if rows.sensor[k] == excluded:  # nothing is expected of them
-            due += top + math.log(p)
+            due += likelihood
         else:
-            mean, variance = expected(math.sqrt(S[k]), m[4])
+            mean, variance = expected(sigma, m[4])
             due += mean
             spread += variance
     whole = (due - total) / math.sqrt(max(spread, 1.0))

@@ -10,7 +10,7 @@ from filters.models import state as models
 from filters.models.motion import CORE
 from filters.models.rows import TRACK
 from filters.models.settings import Settings
-from filters.smoother import passes, start, status, tracks
+from filters.smoother import gated, passes, start, status, tracks
 from filters.smoother.bank import Bank
 from filters.smoother.buffer import MeasurementBuffer, Rows, epochs
 from filters.smoother.hypothesis import Workspace
@@ -99,22 +99,27 @@ class Window:
         buffer, now = self.buffer, self.now
         rows, main = buffer.view(buffer.decided, buffer.done), now.banks[0]
         now.redecided_ns = int(rows.t[-1]) if len(rows.t) else now.redecided_ns
-        if cut:
-            self._take_turns(rows)
-        found, started = (main.redecide if self.robust else main.watch)(rows, cut)
+        self._take_turns(rows, due=cut > 0)
+        if self.robust:
+            without = [bank.best for bank in now.banks[1:] if bank.best is not None]
+            found, started = main.redecide(rows, cut, without)
+        else:
+            found, started = main.watch(rows, cut)
         if started:
             earlier = tuple(reset for reset in now.resets if reset.row < buffer.decided)  # one start a window
             now.resets = (*earlier, Reset(buffer.decided, main.best.anchor.copy(), main.reason))
         self.enter()
         return self._commit(rows, cut, found)
 
-    def _take_turns(self, rows: Rows) -> None:
-        """The banks without a sensor look at the window now and then."""
-        self.now.turn = (self.now.turn + 1) % TURNS
-        for bank in self.now.banks[1:] if self.now.turn == 0 else ():
+    def _take_turns(self, rows: Rows, *, due: bool) -> None:
+        """The banks without a sensor look at the window now and then, and where they are surprised."""
+        self.now.turn = (self.now.turn + due) % TURNS
+        turn = due and self.now.turn == 0
+        for bank in self.now.banks[1:]:
             if bank.best is None:
-                bank.begin(rows)
-            else:
+                if turn:
+                    bank.begin(rows)
+            elif turn or bank.best.surprise > gated.SURPRISE:
                 bank.redecide(rows, 0)
 
     def _decide(self, cut: int) -> None:
@@ -156,13 +161,14 @@ class Window:
     # ---- what goes out
 
     def track(self, t_ns: np.ndarray, x: np.ndarray, P: np.ndarray) -> np.ndarray:
-        """(k,) TRACK of full states (k, n), (k, n, n), by the clocks as they are known now."""
+        """(k,) TRACK of full states (k, n), (k, n, n) that are known well enough, by their own clocks."""
+        good = tracks.known(self.space.model, x, P)
+        t_ns, x, P = t_ns[good], x[good], P[good]
         track = np.zeros(len(t_ns), TRACK)
         track["t_ns"], track["x"], track["P"] = t_ns, x[:, :CORE], P[:, :CORE, :CORE]
         track["reset_counter"] = self.now.reset_counter
         track["protection_h_m"] = track["protection_v_m"] = np.nan
-        best = self.now.best
-        return tracks.polished(track, self.shift_s(best.head.x[None] if best is not None else x[:1]))
+        return tracks.polished(track, self.shift_s(x), models.common_variance(self.space.model))
 
     def shift_s(self, x: np.ndarray) -> np.ndarray:
         """(k,) of the time that most clocks agree on, by states (k, n)."""

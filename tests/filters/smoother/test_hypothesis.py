@@ -91,7 +91,8 @@ def test_a_run_in_one_channel_is_found(sensor, channel):
     one, rows, _ = hypothesis(instruments())
     at = where(rows, sensor, channel, 5, 10)
     spoil(rows, at, 30.0)
-    one.settle(rows, 0)
+    for _ in range(2):
+        one.settle(rows, 0)
     missed, refused = wrong(one, rows, at)
     assert missed == 0
     assert refused <= 2
@@ -125,9 +126,6 @@ def test_one_of_three_sensors_that_is_wrong_throughout_is_found_by_annealing(sen
     assert refused <= 2
 
 
-@pytest.mark.xfail(
-    strict=True, reason="a run costs the more the larger its errors: many small ones beat few large ones"
-)
 def test_the_truth_about_a_liar_has_the_most_evidence():
     """Two theodolites and a radar that is less precise, one theodolite wrong."""
     told, rows, at = liar(1, instruments())
