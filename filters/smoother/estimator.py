@@ -51,6 +51,7 @@ class FixedLagSmoother:
     ):
         self.sensors, self.settings, self._correction = tuple(sensors), settings, correction
         self.model = models.build(sensors, settings.ins_bias_sigma_m, settings.ins_bias_tau_s)
+        self._shift_variance = models.common_variance(self.model)
         psd = np.repeat([settings.jerk_psd, settings.gust_psd], 2)
         if np.isfinite(settings.height_m):  # a target that keeps its height
             psd[[1, 3]] = 0.0
@@ -191,7 +192,8 @@ class FixedLagSmoother:
         for bank in now.banks[1:]:
             if bank.best is not None:
                 bank.best.admit(same, told, self._rule, NEVER_NS)
-                apart.append((told.x[:k, :3].copy(), told.P[:k, :3, :3].copy()))
+                doubt = tracks.of_shift(told.x[:k], self._shift_variance)[:, :3, :3]
+                apart.append((told.x[:k, :3].copy(), told.P[:k, :3, :3] + doubt))
             else:
                 apart.append(None)
         protection.enter(track, apart)
@@ -214,7 +216,7 @@ class FixedLagSmoother:
             track["x"][i] = self._correction(told.before_x[i], told.before_P[i], x, told.P[i])[:CORE]
         track["t_ns"], track["P"] = told.t[:k], told.P[:k] + bank.spread
         track["reset_counter"], track["ambiguous"] = self._now.reset_counter, bank.ambiguous(track["t_ns"])
-        return tracks.polished(track, self._window.shift_s(told.x[:k]))
+        return tracks.polished(track, self._window.shift_s(told.x[:k]), self._shift_variance)
 
     # ---- at its end
 

@@ -15,15 +15,24 @@ DOUBTFUL = 20  # the best quality while two hypotheses are nearly as likely
 KNOWN_M, KNOWN_SHARE = 50.0, 0.05  # position 1-sigma, or its share of the distance, of a state that is known
 
 
-def polished(track: np.ndarray, shift_s: np.ndarray) -> np.ndarray:
-    """The ``track`` (k,) TRACK moved by ``shift_s`` (k,) or (1,), with its quality; in place."""
+def polished(track: np.ndarray, shift_s: np.ndarray, variance: float) -> np.ndarray:
+    """The ``track`` (k,) TRACK moved by ``shift_s`` (k,), with its quality; in place.
+
+    ``variance``, s², of a shift of all clocks together: no row shows it, and the target has moved meanwhile.
+    """
     x, shift = track["x"], shift_s[:, None]
     x[:, :3] -= shift * x[:, 3:6] - 0.5 * shift**2 * x[:, 6:9]
     x[:, 3:6] -= shift * x[:, 6:9]
+    track["P"][:, :6, :6] += of_shift(x, variance)
     sigma_m = np.sqrt(np.maximum(np.trace(track["P"][:, :3, :3], axis1=1, axis2=2), 0.0))
     track["quality"] = np.where(np.isfinite(sigma_m), np.round(100.0 / (1.0 + sigma_m / HALF_QUALITY_M)), -1)
     track["quality"] = np.where(track["ambiguous"], np.minimum(track["quality"], DOUBTFUL), track["quality"])
     return track
+
+
+def of_shift(x: np.ndarray, variance: float) -> np.ndarray:
+    """(k, 6, 6) of position and velocity of states ``x`` (k, ≥9) whose time has ``variance``, s²."""
+    return variance * x[:, 3:9, None] * x[:, None, 3:9]
 
 
 def known(model: Model, x: np.ndarray, P: np.ndarray, factor: float = 1.0) -> np.ndarray:

@@ -30,21 +30,34 @@ def test_a_state_is_moved_back_along_its_own_motion():
     """What was called t happened at t − shift: with constant acceleration exactly."""
     p, v, a = np.split(track()["x"][0], 3)
     shift = 0.2
-    x = tracks.polished(track(), np.array([shift]))["x"][0]
+    x = tracks.polished(track(), np.array([shift]), 0.0)["x"][0]
     assert np.allclose(x[:3], p - shift * v + 0.5 * shift**2 * a)
     assert np.allclose(x[3:6], v - shift * a)
     assert np.allclose(x[6:], a)
 
 
+def test_a_time_that_no_clock_shows_is_in_the_covariance():
+    """Of a target at v the position is off by v · shift, together with the velocity's a · shift."""
+    before, after = track(sigma_m=1.0), tracks.polished(track(sigma_m=1.0), np.zeros(1), 0.05**2)
+    d = before["x"][0, 3:9]
+    assert np.allclose(after["P"][0, :6, :6] - before["P"][0, :6, :6], 0.05**2 * np.outer(d, d))
+    assert np.array_equal(after["P"][0, 6:], before["P"][0, 6:])
+
+
 @pytest.mark.parametrize(("sigma_m", "quality"), [(0.0, 100), (tracks.HALF_QUALITY_M / np.sqrt(3), 50)])
 def test_quality_is_half_at_the_named_sigma(sigma_m, quality):
-    assert tracks.polished(track(sigma_m=sigma_m), np.zeros(1))["quality"][0] == quality
+    assert tracks.polished(track(sigma_m=sigma_m), np.zeros(1), 0.0)["quality"][0] == quality
+
+
+def quality(**about):
+    """That of one state."""
+    return tracks.polished(track(**about), np.zeros(1), 0.0)["quality"][0]
 
 
 def test_quality_falls_with_sigma_and_where_it_is_ambiguous():
-    found = [tracks.polished(track(sigma_m=s), np.zeros(1))["quality"][0] for s in (0.1, 1, 10, 100, 1e5)]
+    found = [quality(sigma_m=s) for s in (0.1, 1, 10, 100, 1e5)]
     assert (np.diff(found) < 0).all()
-    assert tracks.polished(track(sigma_m=0.1, ambiguous=True), np.zeros(1))["quality"][0] == tracks.DOUBTFUL
+    assert quality(sigma_m=0.1, ambiguous=True) == tracks.DOUBTFUL
 
 
 @pytest.mark.parametrize(
