@@ -98,6 +98,15 @@ class BusSection(Section, frozen=True):
     ] = "router"
     endpoint: Annotated[str, Meta(description="Zenoh's own port, on loopback")] = "tcp/127.0.0.1:7447"
     media: Annotated[Literal["json", "msgpack"], Meta(description="msgpack where the link is thin")] = "json"
+    rate_hz: Annotated[
+        float,
+        Meta(
+            ge=1.0,
+            le=100_000.0,
+            description="measurements taken from one source, beside a burst of 1,000: more than any sends, "
+            "so that one gone wild cannot drown the others; what is beyond is refused and counted",
+        ),
+    ] = 500.0
 
 
 class ViewSection(Section, frozen=True):

@@ -1,12 +1,12 @@
 """Health of the feeds: rates, ages and outlier shares over the last ten seconds of data, once a second."""
 
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from gcs.contract.messages import VERDICTS, Event, Health, SensorHealth
+from gcs.contract.messages import VERDICTS, Event, Health, PartHealth, SensorHealth
 from gcs.station.ledger import NO_TIME
 from gcs.station.session import Update
 
@@ -52,9 +52,9 @@ class Files:
 class Monitor:
     """Watches the verdicts go by. All times are the data's own."""
 
-    def __init__(self, sensors: list[str], feeds: Feeds):
+    def __init__(self, sensors: list[str], feeds: Feeds, parts: Callable[[], dict[str, PartHealth]] = dict):
         self.now_ns = 0
-        self._sensors, self._feeds = sensors, feeds
+        self._sensors, self._feeds, self._parts = sensors, feeds, parts
         self._newest = dict.fromkeys(sensors, 0)
         self._recent: dict[str, deque[Tally]] = {name: deque() for name in sensors}
         self._totals = {name: [0, 0] for name in sensors}
@@ -71,7 +71,8 @@ class Monitor:
         if self.now_ns >= self._next_ns:
             self._next_ns = self.now_ns + PERIOD_NS
             sensors = {name: self._health(name) for name in self._sensors}
-            yield Health(t_ns=self.now_ns, sensors=sensors, queue_age_s=self._feeds.queue_age_s())
+            queue_age_s = self._feeds.queue_age_s()
+            yield Health(t_ns=self.now_ns, sensors=sensors, queue_age_s=queue_age_s, parts=self._parts())
 
     def ages_s(self, t_ns: int) -> dict[str, float]:
         """Age of each sensor's newest measurement at ``t_ns``; silent sensors are left out."""

@@ -4,6 +4,7 @@ measurements → intake → align → witness, estimator → air → ledger → 
 """
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import NamedTuple, Protocol
 
 import msgspec
@@ -11,6 +12,7 @@ import numpy as np
 
 from filters import methods
 from filters.correction.correction import off
+from filters.models.rows import Step
 from filters.models.settings import Settings
 from filters.screening.witness import Nobody, Witness
 from filters.smoother import status
@@ -20,6 +22,7 @@ from gcs.contract.frames import Frame
 from gcs.contract.messages import Event, InputError, Wind
 from gcs.station.air import Air
 from gcs.station.align import Align
+from gcs.station.guarded import Estimator, GuardedSink, Relay
 from gcs.station.intake import Batch, Intake, sensors_of, settings_of
 from gcs.station.ledger import Ledger
 
@@ -62,7 +65,7 @@ class Session:
         self.intake = Intake(station, frame, self.ledger)
         self.align = Align(station.align.hold_s)
         settings = settings_of(station, frame)
-        self.estimator = _make_estimator(method, self.sensors, settings, correction)
+        self.estimator = Relay(partial(_make_estimator, method, self.sensors, settings, correction))
         self._settings = {
             "method": method,
             "learned_correction": correction is not off,
@@ -71,11 +74,18 @@ class Session:
         }
         self.witness = Witness(self.sensors) if station.screening.on else Nobody()
         self.air = Air()
-        self.sinks = sinks
+        self.sinks = list(sinks)
         self._judged: list[np.ndarray] = []
         self._times: list[list[np.ndarray]] = [
             [] for _ in self.sensors
         ]  # valid times that reached the filter
+
+    def supervise(self) -> list[GuardedSink]:
+        """Go on where a sink or the estimator fails, as a live flight must; returns the sinks as guarded."""
+        guarded = [GuardedSink(sink) for sink in self.sinks]
+        self.sinks = list[Sink](guarded)
+        self.estimator.forgiving = True
+        return guarded
 
     def enter(self, batch: Batch, arrival_ns: int | None = None) -> None:
         """Take measurements in; ``arrival_ns`` where they came live."""
@@ -98,7 +108,7 @@ class Session:
             )
         )
         self.ledger.doubt(rows["id"][self.witness.doubts(rows)])  # each channel by itself
-        step = self.estimator.step(rows)  # state and verdicts
+        step = self._estimate(rows)  # state and verdicts
         track, told = self.air.step(step.track, upto_ns)  # wind, or dead reckoning
         self._hand_on(step._replace(track=track), told)
 
@@ -127,6 +137,14 @@ class Session:
             "wind": self.air.report(),
         }
 
+    def _estimate(self, rows: np.ndarray) -> Step:
+        before = self.estimator.failures
+        step = self.estimator.step(rows)
+        if self.estimator.failures > before:
+            why = self.ledger.reason("the estimator failed here and began anew")
+            self._judged.append(self.ledger.abandon(self.align.waiting_ids, why))
+        return step
+
     def _hand_on(self, step, told: Sequence[Wind | Event] = ()) -> None:
         ids = np.concatenate([*self._judged, self.ledger.judge(step.verdicts)])
         self._judged.clear()
@@ -146,7 +164,7 @@ def pace(times: list[np.ndarray]) -> dict:
     return {"rate_hz": 1.0 / usual_s, "gaps": len(gaps), "longest_gap_s": float(step_s.max())}
 
 
-def _make_estimator(method: str, sensors: list, settings: Settings, correction: Callable):
+def _make_estimator(method: str, sensors: list, settings: Settings, correction: Callable) -> Estimator:
     try:
         return methods.make(method, sensors, settings, correction)
     except ValueError as error:
