@@ -67,6 +67,22 @@ def live(
 
 
 @app.command
+def flood(
+    *,
+    rate_hz: float = 10_000.0,
+    seconds: float = 60.0,
+    role: Annotated[bool, Parameter(negative="", show=False)] = False,
+) -> None:
+    """One source gone wild beside two that are well: what these lose, how late they are, memory, the end."""
+    from bench.speed import flood as asked
+
+    if role:
+        asked.pour(rate_hz, seconds)
+    else:
+        print(asked.soak(rate_hz, seconds))
+
+
+@app.command
 def replay(
     log: Path,
     truth: Path,

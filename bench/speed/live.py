@@ -24,7 +24,7 @@ import zenoh
 from gcs.contract.bus import Bus
 from gcs.contract.messages import InsMeasurement, PolarMeasurement, State
 
-ENDPOINT = "tcp/127.0.0.1:17447"
+ENDPOINT = "tcp/127.0.0.1:23447"
 ORIGIN = (-35.363261, 149.16523, 584.0)
 RATES_HZ = {"ins": 50.0, "theo-north": 20.0, "radar-1": 20.0}
 SITES = {"theo-north": (-35.34982, 149.16155, 612.0), "radar-1": (-35.3714, 149.1586, 589.0)}
@@ -76,7 +76,7 @@ def bridge(name: str, seconds: float) -> None:
         begin = time.monotonic()
         for number in range(int(seconds * RATES_HZ[name])):
             time.sleep(max(0.0, begin + number * period_s - time.monotonic()))
-            bus.publish("raw", measure(name, time.time_ns(), noise), name)
+            bus.publish("raw", measure(name, time.time_ns() // 1000 * 1000, noise), name)
 
 
 def echo() -> None:

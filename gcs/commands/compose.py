@@ -29,7 +29,8 @@ def open_bus(station: Station, **options: Any) -> "Bus":
     media = MSGPACK if station.bus.media == "msgpack" else JSON
     names = station.range.name, station.vehicle.name
     said = station.bus
-    settings: dict[str, Any] = {"mode": said.mode, "endpoint": said.endpoint, "rate_hz": said.rate_hz}
+    rates_hz = {"": said.rate_hz, **dict.fromkeys(("ins", "air"), said.ins_rate_hz)}
+    settings: dict[str, Any] = {"mode": said.mode, "endpoint": said.endpoint, "rates_hz": rates_hz}
     return Bus.open(*names, **settings | {"media": media} | options)
 
 

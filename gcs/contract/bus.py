@@ -22,19 +22,21 @@ import json
 import re
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
 
 import zenoh
 from zenoh import ext
 
 from gcs.contract.config import BusSection
+from gcs.contract.inbox import Inbox, Limits
 from gcs.contract.messages import ANY, JSON, InputError, encode
-from gcs.contract.subscription import Inbox, Sample, Subscription
+from gcs.contract.subscription import Sample, Subscription
 from gcs.contract.supervision import guarded
 
 ENDPOINT = BusSection().endpoint
 KEEP = 2_000  # samples each key keeps for late joiners and recovery: 20 s at 100 Hz
-BURST = 1_000  # measurements of one source beyond its rate: after 10 s without router, all of its backlog
+BURST_S = 5.0  # of its highest rate may come at once: the backlog of a source at half of it, after 10 s away
 HEARTBEAT_S = 0.2  # a publisher tells its last number this often, so that a lost last sample is noticed
 LEASE_MS = 2_000  # a peer that says nothing for so long is gone: hung processes show within about 2 s
 STALL_US = 1_000_000  # a reader that takes nothing for so long is cut off, so that it cannot hold the station
@@ -50,8 +52,8 @@ class BusError(InputError):
 class Bus:
     """One Zenoh session for one vehicle. Use it in a ``with``: left open, it hangs the interpreter's exit."""
 
-    def __init__(self, session: zenoh.Session, prefix: str, media: str, rate_hz: float):
-        self._session, self._prefix, self._media, self._rate_hz = session, prefix, media, rate_hz
+    def __init__(self, session: zenoh.Session, prefix: str, media: str, rates_hz: Mapping[str, float]):
+        self._session, self._prefix, self._media, self._rates_hz = session, prefix, media, rates_hz
         self._settled_s = 0.0
         self._publishers: dict[str, ext.AdvancedPublisher] = {}
         self._declaring = threading.Lock()
@@ -73,7 +75,7 @@ class Bus:
         mode: str = "router",
         endpoint: str = ENDPOINT,
         media: str = JSON,
-        rate_hz: float = float("inf"),
+        rates_hz: Mapping[str, float] = MappingProxyType({}),
         waiting: Callable[[str], None] | None = None,
     ) -> "Bus":
         """Join the bus.
@@ -82,7 +84,7 @@ class Bus:
         connect to it. (Peers joined only by a router do not hear one another: bridges are clients.)
         Without a router there, a client calls ``waiting`` once with a line for the operator and tries
         until one comes; ``waiting=None`` raises instead. Once joined, a client returns by itself.
-        Of measurements no source's are taken beyond ``rate_hz``, apart from a burst: see `Inbox`.
+        ``rates_hz``: source → how many measurements a second are taken from it, "" for all others.
 
         Raises ``BusError``: bad name or endpoint, endpoint taken, no router.
         """
@@ -90,7 +92,7 @@ class Bus:
         config = _config(mode, endpoint)
         while True:
             try:
-                bus = cls(zenoh.open(config), prefix, media, rate_hz)
+                bus = cls(zenoh.open(config), prefix, media, rates_hz)
             except zenoh.ZError as error:
                 line = _explain(mode, endpoint, error)
                 if waiting is None or mode == "router":
@@ -126,8 +128,7 @@ class Bus:
     def subscribe(self, *subjects: str, capacity: int = 20_000) -> Subscription:
         """One queue fed by all ``subjects``: "state", "raw/*", "verdict/*" ...; kept samples come first."""
         time.sleep(max(0.0, self._settled_s - time.monotonic()))
-        rate_hz = self._rate_hz if all(subject.startswith("raw/") for subject in subjects) else float("inf")
-        subscription = Subscription(Inbox(capacity, rate_hz, BURST))
+        subscription = Subscription(Inbox(capacity, self._limits_of))
         push, miss = (guarded("subscription", call) for call in (subscription.push, subscription.count_miss))
         for key in (f"{self._prefix}/{subject}" for subject in subjects):
             subscriber = ext.declare_advanced_subscriber(
@@ -139,6 +140,13 @@ class Bus:
             self._held += [subscriber, subscriber.sample_miss_listener(miss)]
         subscription.begin([s for subject in subjects for s in self._history(f"{self._prefix}/{subject}")])
         return subscription
+
+    def _limits_of(self, key: str) -> Limits:
+        """How much of a key is taken: of measurements, which anybody may send, no more than told."""
+        *_, subject, source = key.split("/")
+        if subject != "raw":
+            return Limits()
+        return Limits(self._rates_hz.get(source, self._rates_hz.get("", float("inf"))), BURST_S)
 
     def _history(self, key: str) -> list[Sample]:
         # The advanced subscriber's own history option loses the older part whenever a live sample comes

@@ -102,11 +102,15 @@ class BusSection(Section, frozen=True):
         float,
         Meta(
             ge=1.0,
-            le=100_000.0,
-            description="measurements taken from one source, beside a burst of 1,000: more than any sends, "
-            "so that one gone wild cannot drown the others; what is beyond is refused and counted",
+            le=10_000.0,
+            description="measurements taken from one instrument, so that one gone wild cannot drown the "
+            "others: five times what is usual; what is beyond is refused and counted",
         ),
-    ] = 500.0
+    ] = 100.0
+    ins_rate_hz: Annotated[
+        float,
+        Meta(ge=1.0, le=10_000.0, description="the same of the autopilot, which has several messages a turn"),
+    ] = 200.0
 
 
 class ViewSection(Section, frozen=True):
