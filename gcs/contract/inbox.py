@@ -19,7 +19,6 @@ REPORT_S = 1.0  # between two counts of what one source lost
 QUIET_S = 2.0  # without loss for so long, it keeps to its limits again
 SOURCES = 256  # told apart; who comes after them shares one queue, so that invented names cost no memory
 OTHERS = "(others)"
-TURN = 300  # live items that one call hands on: some 0.1 s of work, after which a stop is noticed
 BEHIND_S = 1.0  # a reader whose oldest item has waited for so long is behind
 PATIENCE_S = 3.0  # it may be a hiccup; behind for so long, it cannot keep up
 EASE_S = 10.0  # abreast for so long, it gets more again
@@ -117,10 +116,10 @@ class Inbox:
                 queue.waiting.append((self._number, now_s, source, item, queue))
             self._filled.notify()
 
-    def take(self, timeout_s: float) -> list[tuple[str, Any]]:
+    def take(self, timeout_s: float, most: float = float("inf")) -> list[tuple[str, Any]]:
         """``(source, item)`` in the order they came, before them what was lost; waits for the first.
 
-        Of what came live a turn's worth; the rest is for the next call, so that no turn is long.
+        Of what came live ``most`` at once; the rest is for the next call.
         """
         with self._filled:
             self._filled.wait_for(lambda: self._count, timeout_s)
@@ -129,7 +128,7 @@ class Inbox:
             told = list(self._losses(now_s))
             found: list[tuple] = []
             for waiting in heapq.merge(*(queue.waiting for queue in self._queues.values())):
-                if len(found) >= TURN and waiting[0] > self._kept:
+                if len(found) >= most and waiting[0] > self._kept:
                     break
                 found.append(waiting)
             for *_, queue in found:

@@ -11,6 +11,7 @@ from gcs.contract.limits import TEXT
 from gcs.contract.messages import ANY, Bad, decode
 
 PUBLISHERS = 4_096  # whose last number is remembered; each restart of a bridge is a new one
+TURN = 300  # live messages of one turn: some 0.1 s of work, after which a stop is noticed
 NOT_OURS = (msgspec.DecodeError, UnicodeDecodeError, RecursionError)  # all that decoding strange bytes raises
 
 
@@ -73,14 +74,14 @@ class Subscription:
         A payload on ``raw/*`` that is none of ours comes out as ``Bad``, so that it gets its verdict, and so
         does what was refused; on other keys both are only counted.
         """
-        return [pair for source, item in self._inbox.take(timeout_s) if (pair := self._read(source, item))]
+        return self._read_all(self._inbox.take(timeout_s))
 
     def turns(self, stop: threading.Event, timeout_s: float) -> Iterator[list[tuple[str, ANY]]]:
-        """What `drain` gives, until ``stop``; then what is left over, counted as lost."""
+        """What `drain` gives, a turn's worth each time, until ``stop``; then what is left over, as lost."""
         while not stop.is_set():
-            yield self.drain(timeout_s)
-        yield self.drain(0.0)
-        yield [pair for source, item in self._inbox.leave() if (pair := self._read(source, item))]
+            yield self._read_all(self._inbox.take(timeout_s, TURN))
+        yield self._read_all(self._inbox.take(0.0, TURN))
+        yield self._read_all(self._inbox.leave())
 
     def push(self, sample: Sample) -> None:
         # Zenoh's thread: a slow callback would stall every key of the session, so nothing else happens here.
@@ -108,6 +109,9 @@ class Subscription:
 
     def count_miss(self, miss: Miss) -> None:
         self.missed += miss.nb
+
+    def _read_all(self, items: list[tuple[str, Any]]) -> list[tuple[str, ANY]]:
+        return [pair for key, item in items if (pair := self._read(key, item))]
 
     def _read(self, key: str, item: Sample | Excess) -> tuple[str, ANY] | None:
         _, _, subject, source = (key + "///").split("/")[:4]

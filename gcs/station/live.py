@@ -52,6 +52,9 @@ class BusFeeds:
     def queue_age_s(self) -> float:
         return self.incoming.age_s
 
+    def idle_s(self) -> float:
+        return self.incoming.idle_s
+
 
 def run(session: Session, feeds: BusFeeds, stop: threading.Event) -> dict:
     """Serve until ``stop``; returns the summary."""

@@ -27,6 +27,7 @@ from gcs.station.intake import Batch, Intake, sensors_of, settings_of
 from gcs.station.ledger import Ledger
 
 FOREVER_NS = np.iinfo(np.int64).max
+LOST_NS = 1_000_000_000  # of measurements without a state: the filter has lost the target
 GAP, GAP_S = 5.0, 0.5  # a pause of so many usual intervals, and of at least so long, is a gap
 
 
@@ -39,6 +40,7 @@ class Update(NamedTuple):
     retired: np.ndarray  # (r,) ENTRY, final, in order of arrival
     ledger: Ledger  # gives names and ``reason_texts``
     told: Sequence[Wind | Event] = ()  # of the air
+    failed: bool = False  # measurements come, and no state can be told any more
 
 
 class Sink(Protocol):
@@ -76,6 +78,7 @@ class Session:
         self.air = Air()
         self.sinks = list(sinks)
         self._judged: list[np.ndarray] = []
+        self._told_ns = 0  # of the newest state
         self._times: list[list[np.ndarray]] = [
             [] for _ in self.sensors
         ]  # valid times that reached the filter
@@ -110,7 +113,7 @@ class Session:
         self.ledger.doubt(rows["id"][self.witness.doubts(rows)])  # each channel by itself
         step = self._estimate(rows)  # state and verdicts
         track, told = self.air.step(step.track, upto_ns)  # wind, or dead reckoning
-        self._hand_on(step._replace(track=track), told)
+        self._hand_on(step._replace(track=track), told, failed=self._lost(rows, track))
 
     def finish(self, about: dict) -> dict:
         """Take in what still waits, make every verdict final, and give each sink the summary.
@@ -145,11 +148,21 @@ class Session:
             self._judged.append(self.ledger.abandon(self.align.waiting_ids, why))
         return step
 
-    def _hand_on(self, step, told: Sequence[Wind | Event] = ()) -> None:
+    def _lost(self, rows: np.ndarray, track: np.ndarray) -> bool:
+        """Has there been a state, and none for LOST_NS of measurements? Said once for each such stretch."""
+        if len(track):
+            self._told_ns = int(track["t_ns"][-1])
+        newest_ns = int(rows["t_ns"].max(initial=0))
+        if not self._told_ns or newest_ns - self._told_ns < LOST_NS:
+            return False
+        self._told_ns = 0
+        return True
+
+    def _hand_on(self, step: Step, told: Sequence[Wind | Event] = (), *, failed: bool = False) -> None:
         ids = np.concatenate([*self._judged, self.ledger.judge(step.verdicts)])
         self._judged.clear()
         judged = self.ledger.at(ids)
-        update = Update(step.track, step.smoothed, judged, self.ledger.retire(), self.ledger, told)
+        update = Update(step.track, step.smoothed, judged, self.ledger.retire(), self.ledger, told, failed)
         for sink in self.sinks:
             sink.take(update)
 

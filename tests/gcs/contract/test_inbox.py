@@ -75,8 +75,8 @@ def test_what_was_kept_for_a_late_reader_does_not_count(clock):
     box = Inbox(20_000, lambda _key: Limits(10.0))
     put(box, "theo", 2_000, kept=True)
     put(box, "theo", 10)
-    assert len(items(box.take(0.0), "theo")) == 2_000  # all of it in one turn
-    assert items(box.take(0.0), "theo") == list(range(10))
+    assert len(items(box.take(0.0, 300), "theo")) == 2_000  # all of it in one turn
+    assert items(box.take(0.0, 300), "theo") == list(range(10))
 
 
 def test_a_full_inbox_drops_the_oldest_of_who_has_the_most(clock):
@@ -95,9 +95,9 @@ def test_a_turn_is_short_and_the_order_is_that_of_arrival(clock):
     for number in range(1000):
         box.put(f"demo/uav1/raw/s{number % 3}", number, 100)
     turns = []
-    while pairs := box.take(0.0):
+    while pairs := box.take(0.0, 300):
         turns.append([item for _, item in pairs])
-    assert max(len(turn) for turn in turns) == inbox.TURN
+    assert [len(turn) for turn in turns] == [300, 300, 300, 100]
     assert [item for turn in turns for item in turn] == list(range(1000))
 
 
@@ -111,7 +111,7 @@ def test_a_message_that_is_too_large_is_not_kept(clock):
 
 
 def test_a_reader_that_cannot_keep_up_gets_less_of_the_noisiest(clock):
-    """Two turns a second of 300 each, against 1,000 a second of one source and 20 of another."""
+    """Two turns a second, of 300 each, against 1,000 a second of one source and 20 of another."""
     box = Inbox(20_000, lambda _key: Limits(1_000.0))
     calm, ages = [], []
     for _ in range(240):  # two minutes
@@ -119,7 +119,7 @@ def test_a_reader_that_cannot_keep_up_gets_less_of_the_noisiest(clock):
         put(box, "wild", 500)
         put(box, "calm", 10)
         ages.append(box.age_s)
-        calm += items(box.take(0.0), "calm")
+        calm += items(box.take(0.0, 300), "calm")
     assert max(ages[120:]) < inbox.PATIENCE_S + inbox.BEHIND_S + 1.0
     calm += items(all_of(box), "calm")
     assert len(calm) == 2400  # all of it

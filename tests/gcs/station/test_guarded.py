@@ -145,3 +145,24 @@ def test_an_estimator_that_fails_begins_anew_and_every_value_has_a_verdict():
 def test_a_replay_ends_at_the_failure():
     with pytest.raises(np.linalg.LinAlgError):
         fly(failing_session(Remembering(), 24, supervised=False))
+
+
+class Blind(Failing):
+    """An estimator that from its nth step on has no state."""
+
+    def step(self, rows):
+        self._steps[0] -= 1
+        step = self._real.step(rows)
+        return step if self._steps[0] > 0 else step._replace(track=step.track[:0])
+
+
+def test_measurements_without_a_state_are_a_failure_told_once():
+    sink = Remembering()
+    session = Session(STATION, FRAME, [sink])
+    make = partial(methods.make, "default", session.sensors)
+    session.estimator = Relay(partial(Blind, make, [24]))
+    fly(session)
+    failed = [each for each in sink.taken if each.failed]
+    last_ns = max(int(each.track["t_ns"].max(initial=0)) for each in sink.taken)
+    [at_ns] = [int(each.judged["t_ns"].max()) for each in failed]
+    assert 1.0 <= (at_ns - last_ns) / 1e9 < 1.5
