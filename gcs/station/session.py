@@ -25,10 +25,10 @@ from gcs.station.align import Align
 from gcs.station.guarded import Estimator, GuardedSink, Relay
 from gcs.station.intake import Batch, Intake, sensors_of, settings_of
 from gcs.station.ledger import Ledger
+from gcs.station.pace import Pace
 
 FOREVER_NS = np.iinfo(np.int64).max
 LOST_NS = 1_000_000_000  # of measurements without a state: the filter has lost the target
-GAP, GAP_S = 5.0, 0.5  # a pause of so many usual intervals, and of at least so long, is a gap
 
 
 class Update(NamedTuple):
@@ -79,9 +79,7 @@ class Session:
         self.sinks = list(sinks)
         self._judged: list[np.ndarray] = []
         self._told_ns = 0  # of the newest state
-        self._times: list[list[np.ndarray]] = [
-            [] for _ in self.sensors
-        ]  # valid times that reached the filter
+        self._pace = [Pace() for _ in self.sensors]  # of what reached the filter
 
     def supervise(self) -> list[GuardedSink]:
         """Go on where a sink or the estimator fails, as a live flight must; returns the sinks as guarded."""
@@ -103,8 +101,8 @@ class Session:
     def advance(self, upto_ns: int) -> None:
         """One turn of the loop, over everything valid up to ``upto_ns``."""
         rows, repeats = self.align.release(upto_ns)  # one time-ordered stream
-        for sensor, times in enumerate(self._times):
-            times.append(rows["t_ns"][rows["sensor"] == sensor])
+        for sensor in np.unique(rows["sensor"]).tolist():
+            self._pace[sensor].take(rows["t_ns"][rows["sensor"] == sensor])
         self._judged.append(
             self.ledger.dismiss(
                 repeats, "duplicate", self.ledger.reason("this channel already has a value at this time")
@@ -134,7 +132,7 @@ class Session:
             "settings": self._settings,
             "verdicts": self.ledger.count_table(),
             "doubted_by_screening": self.ledger.count_table(doubted=True),
-            "pace": {name: pace(self._times[k]) for k, name in enumerate(self.ledger.sensors)},
+            "pace": {name: self._pace[k].report() for k, name in enumerate(self.ledger.sensors)},
             "height": {"geoid_separation_from": self.intake.separation_source},
             "estimator": self.estimator.report(),
             "wind": self.air.report(),
@@ -165,16 +163,6 @@ class Session:
         update = Update(step.track, step.smoothed, judged, self.ledger.retire(), self.ledger, told, failed)
         for sink in self.sinks:
             sink.take(update)
-
-
-def pace(times: list[np.ndarray]) -> dict:
-    """Rate and gaps of one sensor from its valid times, arrays of int64 ns."""
-    step_s = np.diff(np.unique(np.concatenate([np.empty(0, np.int64), *times]))) / 1e9
-    if not len(step_s):
-        return {"rate_hz": 0.0, "gaps": 0, "longest_gap_s": 0.0}
-    usual_s = float(np.median(step_s))
-    gaps = step_s[step_s > max(GAP * usual_s, GAP_S)]
-    return {"rate_hz": 1.0 / usual_s, "gaps": len(gaps), "longest_gap_s": float(step_s.max())}
 
 
 def _make_estimator(method: str, sensors: list, settings: Settings, correction: Callable) -> Estimator:
