@@ -83,6 +83,18 @@ def flood(
 
 
 @app.command
+def long(
+    *,
+    hours: float = 24.0,
+    trace: Annotated[bool, Parameter(negative="", help="say which code holds what has grown; slow")] = False,
+) -> None:
+    """A long flight through the live session, faster than real time: memory, work, handles and threads."""
+    from bench.speed import long as asked
+
+    asked.run(3600.0 * hours, trace=trace)
+
+
+@app.command
 def replay(
     log: Path,
     truth: Path,
