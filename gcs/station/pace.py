@@ -18,9 +18,9 @@ class Pace:
 
     def take(self, t_ns: np.ndarray) -> None:
         """Note valid times (n,) int64, the next ones; what is older than those before is left out."""
-        before = [] if self._newest_ns is None else [self._newest_ns]
-        t_ns = np.unique(np.concatenate([np.array(before, np.int64), t_ns]))
-        t_ns = t_ns[np.searchsorted(t_ns, self._newest_ns) :] if before else t_ns
+        t_ns = np.unique(t_ns)
+        if self._newest_ns is not None:
+            t_ns = np.append(np.int64(self._newest_ns), t_ns[t_ns > self._newest_ns])
         if not len(t_ns):
             return
         self._newest_ns = int(t_ns[-1])

@@ -17,9 +17,10 @@ from filters.models.settings import Settings
 from filters.screening.witness import Nobody, Witness
 from filters.smoother import status
 from gcs import __version__
+from gcs.contract import limits
 from gcs.contract.config import Station
 from gcs.contract.frames import Frame
-from gcs.contract.messages import Event, InputError, Wind
+from gcs.contract.messages import INS_CHANNELS, Event, InputError, Wind
 from gcs.station.air import Air
 from gcs.station.align import Align
 from gcs.station.guarded import Estimator, GuardedSink, Relay
@@ -28,6 +29,8 @@ from gcs.station.ledger import Ledger
 from gcs.station.pace import Pace
 
 FOREVER_NS = np.iinfo(np.int64).max
+GUESS_M = 1_000.0  # 1 sigma: worse than this, dead reckoning too says nothing that an operator can use
+LOW, HIGH = np.array([limits.CHANNEL[name] for name in INS_CHANNELS]).T  # of a state: position, velocity, …
 LOST_NS = 1_000_000_000  # of measurements without a state: the filter has lost the target
 
 
@@ -79,6 +82,7 @@ class Session:
         self.sinks = list(sinks)
         self._judged: list[np.ndarray] = []
         self._told_ns = 0  # of the newest state
+        self._senseless = 0  # states that were not told
         self._pace = [Pace() for _ in self.sensors]  # of what reached the filter
 
     def supervise(self) -> list[GuardedSink]:
@@ -111,6 +115,7 @@ class Session:
         self.ledger.doubt(rows["id"][self.witness.doubts(rows)])  # each channel by itself
         step = self._estimate(rows)  # state and verdicts
         track, told = self.air.step(step.track, upto_ns)  # wind, or dead reckoning
+        track = self._told_only(track)
         self._hand_on(step._replace(track=track), told, failed=self._lost(rows, track))
 
     def finish(self, about: dict) -> dict:
@@ -120,7 +125,8 @@ class Session:
         """
         self.advance(FOREVER_NS)
         self._hand_on(self.estimator.finish())
-        summary, best = about | self.summary(), self.estimator.smooth()
+        best = self._told_only(self.estimator.smooth())
+        summary = about | self.summary()
         for sink in self.sinks:
             sink.close(summary, best)
         return summary
@@ -135,6 +141,7 @@ class Session:
             "pace": {name: self._pace[k].report() for k, name in enumerate(self.ledger.sensors)},
             "height": {"geoid_separation_from": self.intake.separation_source},
             "estimator": self.estimator.report(),
+            "states_not_told": self._senseless,
             "wind": self.air.report(),
         }
 
@@ -145,6 +152,14 @@ class Session:
             why = self.ledger.reason("the estimator failed here and began anew")
             self._judged.append(self.ledger.abandon(self.align.waiting_ids, why))
         return step
+
+    def _told_only(self, track: np.ndarray) -> np.ndarray:
+        """Of (k,) TRACK those that say something; the rest is counted and goes nowhere."""
+        if not len(track):
+            return track
+        good = says_something(track)
+        self._senseless += int((~good).sum())
+        return track if good.all() else track[good]
 
     def _lost(self, rows: np.ndarray, track: np.ndarray) -> bool:
         """Has there been a state, and none for LOST_NS of measurements? Said once for each such stretch."""
@@ -160,9 +175,20 @@ class Session:
         ids = np.concatenate([*self._judged, self.ledger.judge(step.verdicts)])
         self._judged.clear()
         judged = self.ledger.at(ids)
-        update = Update(step.track, step.smoothed, judged, self.ledger.retire(), self.ledger, told, failed)
+        smoothed = self._told_only(step.smoothed)
+        update = Update(step.track, smoothed, judged, self.ledger.retire(), self.ledger, told, failed)
         for sink in self.sinks:
             sink.take(update)
+
+
+def says_something(track: np.ndarray) -> np.ndarray:
+    """(k,) bool, whether each of (k,) TRACK is a state: numbers, a place that can be, no mere guess."""
+    x, variance = track["x"], np.diagonal(track["P"], axis1=1, axis2=2)
+    finite = np.isfinite(x).all(axis=1) & np.isfinite(track["P"]).all(axis=(1, 2))
+    with np.errstate(invalid="ignore"):
+        known = (variance >= 0.0).all(axis=1) & (variance[:, :3].max(axis=1, initial=0.0) <= GUESS_M**2)
+        possible = ((x >= LOW) & (x <= HIGH)).all(axis=1)
+    return finite & known & possible
 
 
 def _make_estimator(method: str, sensors: list, settings: Settings, correction: Callable) -> Estimator:
