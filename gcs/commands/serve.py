@@ -1,5 +1,6 @@
 """The station live: bus, MAVLink link, session, record and view, opened and closed together."""
 
+import gc
 import json
 import logging
 import sys
@@ -83,6 +84,8 @@ def serve(
             timer = threading.Timer(seconds, stop.set)
             timer.daemon = True
             timer.start()
+        gc.collect()
+        gc.freeze()  # what is loaded by now stays: else each full collection walks through all of it, 0.1 s
         with supervisor.watched("session", over) as pulse:
             _run(session, feeds, pulse)
         if shown and not stop.is_set():

@@ -6,7 +6,7 @@ shows by this that he is alive, so no part needs to know of the watchdog:
     part ──► stop.is_set(), stop.wait(…) ──► heartbeat ──► watchdog: a part that is silent hangs
 
 What happens to a part goes to the logger ``gcs``; ``gcs/outputs/log.py`` makes a file and events of it.
-No duration here is taken from the wall clock, which a time server may set.
+No duration here is taken from the wall clock, which a time server may set; that it was set is told.
 """
 
 import contextlib
@@ -32,6 +32,7 @@ BEGIN_S = 5.0  # input that cannot be used is the operator's to mend if it shows
 STEADY_S = 60.0  # a part that has worked for so long has recovered: its next failure is a first one
 HUNG_S = 5.0  # a loop here turns ten times a second or more; so long without a turn is no busy moment
 CHECK_S = 0.5
+STEP_S = 2.0  # a clock that is off by more than this was set, and did not drift
 END_S = 5.0  # a part that does not end when told to is left behind after this
 
 log = logging.getLogger("gcs")
@@ -70,6 +71,10 @@ class Pulse(threading.Event):
 
     def set(self) -> None:
         self._stop.set()
+
+    def excuse(self, seconds: float) -> None:
+        """For so long nobody could have asked."""
+        self._due_s += seconds
 
     def _beat(self, until_s: float = 0.0) -> None:
         self.thread, self._due_s = threading.get_ident(), time.monotonic() + until_s
@@ -149,6 +154,35 @@ class Part(threading.Thread):
             log.info("%s starts again", self.name)
 
 
+class Clocks:
+    """Notices a machine that slept, a process that was stopped, and a wall clock that was set."""
+
+    def __init__(self) -> None:
+        self._before = self._read()
+
+    def look(self) -> float:
+        """To be called every CHECK_S; says what happened since, and how many seconds nothing could run."""
+        now, before = self._read(), self._before
+        self._before = now
+        running_s, asleep_s, set_s = (n - b for n, b in zip(now, before, strict=True))
+        stopped_s = running_s - CHECK_S
+        if abs(set_s) > STEP_S:
+            log.warning("the wall clock was set by %+.1f s; the flight's time goes on as before", set_s)
+        if asleep_s > STEP_S:
+            log.warning("the machine slept for %.1f s", asleep_s)
+        if stopped_s > STEP_S:
+            log.warning("the station stood still for %.1f s", stopped_s)
+        return stopped_s if stopped_s > STEP_S else 0.0
+
+    @staticmethod
+    def _read() -> tuple[float, float, float]:
+        """Seconds it ran, seconds it slept beside these, and wall clock less both."""
+        ran_s = time.monotonic()
+        boot = getattr(time, "CLOCK_BOOTTIME", None)  # counts sleep too, where there is such a clock
+        since_boot_s = ran_s if boot is None else time.clock_gettime(boot)
+        return ran_s, since_boot_s - ran_s, time.time() - since_boot_s
+
+
 class Reporting(Protocol):
     """What says itself how it does."""
 
@@ -219,7 +253,11 @@ class Supervisor:
             raise unusable
 
     def _watch(self) -> None:
+        clocks = Clocks()
         while not self._over.wait(CHECK_S):
+            away_s = clocks.look()
+            for pulse in list(self._pulses) if away_s else ():
+                pulse.excuse(away_s)
             for pulse in list(self._pulses):
                 hung = pulse.silent_s > HUNG_S and pulse.running
                 if hung and not pulse.hung:

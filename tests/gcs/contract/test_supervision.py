@@ -154,3 +154,60 @@ def test_a_part_alone_stops_with_its_event(stop):
     stop.set()
     part.join(5.0)
     assert not part.is_alive()
+
+
+class MovedTime:
+    """The time module with clocks that can be set."""
+
+    CLOCK_BOOTTIME = 7
+
+    def __init__(self):
+        self.ran_s, self.asleep_s, self.wall_s = 100.0, 0.0, 1.7e9
+
+    def monotonic(self):
+        return self.ran_s
+
+    def clock_gettime(self, _clock):
+        return self.ran_s + self.asleep_s
+
+    def time(self):
+        return self.wall_s + self.ran_s + self.asleep_s
+
+    def go(self, ran_s=supervision.CHECK_S, asleep_s=0.0, set_s=0.0):
+        self.ran_s, self.asleep_s, self.wall_s = (
+            self.ran_s + ran_s,
+            self.asleep_s + asleep_s,
+            self.wall_s + set_s,
+        )
+
+
+@pytest.mark.parametrize(
+    ("moved", "told", "away_s"),
+    [
+        ({}, [], 0.0),
+        (
+            {"set_s": -3600.0},
+            ["the wall clock was set by -3600.0 s; the flight's time goes on as before"],
+            0.0,
+        ),
+        ({"set_s": 0.3}, [], 0.0),
+        ({"asleep_s": 1800.0}, ["the machine slept for 1800.0 s"], 0.0),
+        ({"ran_s": 30.5}, ["the station stood still for 30.0 s"], 30.0),
+    ],
+)
+def test_a_clock_that_was_set_a_sleep_and_a_standstill_are_told(moved, told, away_s, monkeypatch, caplog):
+    clock = MovedTime()
+    monkeypatch.setattr(supervision, "time", clock)
+    clocks = supervision.Clocks()
+    clock.go()
+    assert clocks.look() == 0.0
+    clock.go(**moved)
+    assert clocks.look() == away_s
+    assert caplog.messages == told
+
+
+def test_who_could_not_ask_is_excused():
+    pulse = supervision.Pulse("session", threading.Event())
+    pulse.is_set()
+    pulse.excuse(30.0)
+    assert -30.0 <= pulse.silent_s < -20.0
