@@ -95,6 +95,14 @@ def long(
 
 
 @app.command
+def faults(*, times: int = 20) -> None:
+    """Bridge, station and router killed, stopped and started again: told when, back when, states lost."""
+    from bench.speed import faults as asked
+
+    print(asked.run(times))
+
+
+@app.command
 def replay(
     log: Path,
     truth: Path,
