@@ -1,6 +1,7 @@
 """The station live, with parts that fail: they are told, start again, and the rest goes on."""
 
 import json
+import signal
 import socket
 import threading
 import time
@@ -14,6 +15,7 @@ from gcs.contract import config, supervision
 from gcs.contract.bus import Bus
 from gcs.contract.messages import Event, Health, InputError, PolarMeasurement, State
 from gcs.outputs.record import Record
+from tests.gcs.contract.ends import process, until
 
 pytestmark = [pytest.mark.network, pytest.mark.slow]
 
@@ -147,3 +149,87 @@ def test_a_loop_that_fails_goes_on_with_the_next_messages(station, tmp_path, mon
     failed_ns = next(e.t_ns for e in instrument.all(Event) if e.text == text)
     assert sum(state.t_ns > failed_ns for state in instrument.all(State)) > 20
     assert json.loads((tmp_path / "run" / "summary.json").read_text())["complete"]
+
+
+BRIDGE = """
+with Bus.open("demo", "uav1", mode="client", endpoint=sys.argv[1]) as bus:
+    bus.declare_alive("theo")
+    while True:
+        t_ns = time.time_ns()
+        seen = {"range_m": 900.0, "azimuth_deg": 30.0, "elevation_deg": 12.0}
+        shot = PolarMeasurement(t_ns=t_ns, arrival_ns=t_ns, **seen)
+        bus.publish("raw", shot, "theo")
+        time.sleep(0.05)
+"""
+
+
+class Scenario:
+    """What is done to a bridge in a process of its own, beside the station; ``heard`` are the events."""
+
+    def __init__(self, station, stop, play):
+        self.heard, self._station, self._stop, self._play = [], station, stop, play
+        self.failed = None
+
+    def __call__(self, stack: ExitStack) -> threading.Event:
+        bus = Bus.open("demo", "uav1", mode="client", endpoint=self._station.bus.endpoint)
+        self._told = stack.enter_context(bus).subscribe("event")
+        threading.Thread(target=self._run).start()
+        return self._stop
+
+    def _run(self):
+        try:
+            self._play(self, self._station.bus.endpoint)
+        except AssertionError as error:
+            self.failed = error
+        self._stop.set()
+
+    def told(self, text: str, times: int = 1) -> None:
+        """Wait for an event."""
+        assert until(lambda: self._count(text) >= times, 20.0), f"never told: {text}, but {self.heard}"
+
+    def _count(self, text: str) -> int:
+        self.heard += [message.text for _, message in self._told.drain(0.05)]
+        return self.heard.count(text)
+
+
+def test_a_bridge_that_is_killed_or_stopped_is_told_and_so_is_its_return(station, tmp_path, monkeypatch):
+    def play(scene, endpoint):
+        with process(BRIDGE, endpoint) as bridge:
+            scene.told("theo: its bridge is there")
+            time.sleep(1.0)
+            bridge.send_signal(signal.SIGSTOP)
+            scene.told("theo is silent")
+            bridge.send_signal(signal.SIGCONT)
+            scene.told("theo is back")
+            bridge.kill()
+            scene.told("theo: its bridge is gone")
+        with process(BRIDGE, endpoint):
+            scene.told("theo: its bridge is there", 2)
+
+    monkeypatch.setattr(mavlink, "run", lambda link, system_id, bus, stop: stop.wait())
+    stop = threading.Event()
+    scene = Scenario(station, stop, play)
+    serve(station, tmp_path / "run", stop, view=False, seconds=90.0, beside=scene)
+    assert scene.failed is None
+
+
+def test_every_message_of_a_flood_is_in_the_summary(station, tmp_path, monkeypatch):
+    put = []
+
+    def play(scene, endpoint):
+        with Bus.open("demo", "uav1", mode="client", endpoint=endpoint) as bus:
+            for number in range(3_000):
+                t_ns = time.time_ns()
+                far = 100.0 + (number * 7919) % 8000  # possible each, and somewhere else each time
+                bus.publish("raw", PolarMeasurement(t_ns=t_ns, arrival_ns=t_ns, range_m=far), "theo")
+                put.append(number)
+            scene.told("theo: more than 100 a second; the rest is refused and counted")
+
+    monkeypatch.setattr(mavlink, "run", lambda link, system_id, bus, stop: stop.wait())
+    stop = threading.Event()
+    scene = Scenario(station, stop, play)
+    serve(station, tmp_path / "run", stop, view=False, seconds=90.0, beside=scene)
+    assert scene.failed is None
+    counts = json.loads((tmp_path / "run" / "summary.json").read_text())["verdicts"]["theo"]
+    assert sum(counts["range"].values()) + counts["line"]["invalid"] == len(put) == 3_000
+    assert counts["line"]["invalid"] > 2_000
