@@ -22,6 +22,7 @@ from gcs.contract.messages import Event, InputError
 from gcs.contract.supervision import Backoff, Supervisor, brief, log
 from gcs.outputs import log as logbook
 from gcs.outputs.console import say
+from gcs.outputs.outbox import Outbox
 from gcs.outputs.publish import Target
 from gcs.outputs.record import stamp
 from gcs.station import live
@@ -59,10 +60,13 @@ def serve(
         shown = open_view(station, frame) if view else None
         if shown:
             stack.callback(shown.close)
-        send_to = targets(bus, shown)
+        outbox, told_all = Outbox(bus.publish), threading.Event()
+        send_to: list[Target] = [outbox, *targets(view=shown)]
         events = [partial(_send_event, target) for target in send_to]
         stack.enter_context(logbook.opened(folder, events))
         supervisor = stack.enter_context(Supervisor(stop))
+        supervisor.start("publisher", outbox.run, told_all)
+        stack.callback(told_all.set)  # after the session's last word
         say("compiling the filter (once; cached for the next start)")
         feeds = live.BusFeeds(bus)
         told = [*send_to, _note]

@@ -206,9 +206,11 @@ class Supervisor:
         self._pulses: list[Pulse] = []
         self._watchdog = threading.Thread(target=self._watch, name="watchdog", daemon=True)
 
-    def start(self, name: str, work: Callable[[threading.Event], None]) -> Part:
-        """Let ``work`` run beside the rest until the stop event that it is given is set."""
-        part = Part(name, work, self._stop)
+    def start(
+        self, name: str, work: Callable[[threading.Event], None], stop: threading.Event | None = None
+    ) -> Part:
+        """Let ``work`` run until the stop event that it is given is set: that of all, or ``stop``."""
+        part = Part(name, work, stop or self._stop)
         self._parts.append(part)
         self._pulses.append(part.pulse)
         part.start()

@@ -233,3 +233,22 @@ def test_every_message_of_a_flood_is_in_the_summary(station, tmp_path, monkeypat
     counts = json.loads((tmp_path / "run" / "summary.json").read_text())["verdicts"]["theo"]
     assert sum(counts["range"].values()) + counts["line"]["invalid"] == len(put) == 3_000
     assert counts["line"]["invalid"] > 2_000
+
+
+def test_the_last_words_of_a_station_reach_who_listens(station, tmp_path, monkeypatch):
+    """The session ends after the stop, and what it says then still goes out."""
+    monkeypatch.setattr(mavlink, "run", lambda link, system_id, bus, stop: stop.wait())
+    sent, publish = [], Bus.publish
+
+    def watched(bus, subject, message, source=""):
+        sent.append((subject, message))
+        publish(bus, subject, message, source)
+
+    monkeypatch.setattr(Bus, "publish", watched)
+    stop = threading.Event()
+    serve(station, tmp_path / "run", stop, view=False, seconds=SECONDS, beside=Watching(station, stop))
+    assert [message.text for subject, message in sent if subject == "event"][-1] == "end of data"
+    numbers = {subject: [m.seq for s, m in sent if s == subject] for subject in ("state", "smoothed")}
+    assert numbers["state"] == list(range(len(numbers["state"])))
+    last_ns = {subject: [m.t_ns for s, m in sent if s == subject][-1] for subject in ("state", "smoothed")}
+    assert last_ns["smoothed"] == last_ns["state"]
