@@ -21,8 +21,9 @@ SOURCES = 256  # told apart; who comes after them shares one queue, so that inve
 OTHERS = "(others)"
 BEHIND_S = 1.0  # a reader whose oldest item has waited for so long is behind
 PATIENCE_S = 3.0  # it may be a hiccup; behind for so long, it cannot keep up
+WILD_S = 0.1  # both, where a source is beyond its limits
 EASE_S = 10.0  # abreast for so long, it gets more again
-LEAST_SHARE = 1 / 16  # of a source's rate
+LEAST_SHARE = 1 / 64  # of a source's rate
 SLOW = "faster than it can be taken in"
 
 
@@ -160,18 +161,24 @@ class Inbox:
         self.dropped += count
 
     def _relieve(self, now_s: float) -> None:
-        """A reader that stays behind gets less of the noisiest source; once it keeps up, more again."""
-        if self._age_s(now_s) < BEHIND_S:
+        """A reader that stays behind gets less of the noisiest source; once it keeps up, more again.
+
+        While a source is beyond its own limits it is that one, and nobody waits to see whether it passes.
+        """
+        wild = [queue for queue in self._queues.values() if now_s - queue.lost_s < QUIET_S]
+        behind_s, patience_s = (WILD_S, WILD_S) if wild else (BEHIND_S, PATIENCE_S)
+        if self._age_s(now_s) < behind_s:
             self._abreast_s = now_s
             for queue in self._queues.values():
                 if queue.share < 1.0 and now_s - queue.eased_s > EASE_S:
                     queue.share, queue.eased_s = min(1.0, 2.0 * queue.share), now_s
-        elif now_s - self._abreast_s > PATIENCE_S:
-            *_, second, noisiest = sorted([*self._queues.values(), _Queue(Limits())], key=_waiting)
+        elif now_s - self._abreast_s > patience_s:
+            noisiest = max(wild or self._queues.values(), key=_waiting)
             if noisiest.limits.rate_hz < float("inf"):
+                others = (_waiting(queue) for queue in self._queues.values() if queue is not noisiest)
                 noisiest.share = max(0.5 * noisiest.share, LEAST_SHARE)
                 noisiest.eased_s = self._abreast_s = now_s
-                self._drop(noisiest, _waiting(noisiest) - _waiting(second), now_s)
+                self._drop(noisiest, max(0, _waiting(noisiest) - max(others, default=0)), now_s)
 
     def _losses(self, now_s: float) -> Iterator[tuple[str, Excess]]:
         for name, queue in self._queues.items():

@@ -125,6 +125,21 @@ def test_a_reader_that_cannot_keep_up_gets_less_of_the_noisiest(clock):
     assert len(calm) == 2400  # all of it
 
 
+def test_who_is_beyond_its_limits_is_not_waited_for(clock):
+    """A reader of 50 a second, against 10,000 a second of one source and 20 of another."""
+    box = Inbox(20_000, lambda _key: Limits(100.0, 5.0))
+    calm, ages = [], []
+    for _ in range(3_000):  # a minute
+        clock[0] += 0.02
+        put(box, "wild", 200)
+        put(box, "calm", 1 if len(ages) % 3 == 0 else 0)
+        ages.append(box.age_s)
+        calm += items(box.take(0.0, 1), "calm")
+    assert max(ages[500:]) < 1.0
+    calm += items(all_of(box), "calm")
+    assert len(calm) == 1_000  # all of it
+
+
 def test_a_hiccup_costs_nobody_anything(clock):
     box = Inbox(20_000, lambda _key: Limits(100.0, 5.0))
     put(box, "theo", 40)
