@@ -11,7 +11,7 @@ from gcs.contract.limits import TEXT
 from gcs.contract.messages import ANY, Bad, decode
 
 PUBLISHERS = 4_096  # whose last number is remembered; each restart of a bridge is a new one
-TURN = 300  # live messages of one turn: some 0.1 s of work, after which a stop is noticed
+TURN = 60  # live messages of one turn: at worst some 0.1 s of work, then a stop or a flood is noticed
 NOT_OURS = (msgspec.DecodeError, UnicodeDecodeError, RecursionError)  # all that decoding strange bytes raises
 
 
