@@ -24,7 +24,7 @@ import zenoh
 from gcs.contract.bus import Bus
 from gcs.contract.messages import InsMeasurement, PolarMeasurement, State
 
-ENDPOINT = "tcp/127.0.0.1:23447"
+ENDPOINT = "tcp/127.0.0.1:17447"
 ORIGIN = (-35.363261, 149.16523, 584.0)
 RATES_HZ = {"ins": 50.0, "theo-north": 20.0, "radar-1": 20.0}
 SITES = {

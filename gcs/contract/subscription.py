@@ -1,6 +1,7 @@
 """Samples from the bus until their reader takes them, as messages. Knows what a sample is like, not Zenoh."""
 
 import threading
+import time
 from collections.abc import Iterator
 from typing import Any, Protocol
 
@@ -12,6 +13,7 @@ from gcs.contract.messages import ANY, Bad, decode
 
 PUBLISHERS = 4_096  # whose last number is remembered; each restart of a bridge is a new one
 TURN = 60  # live messages of one turn: at worst some 0.1 s of work, then a stop or a flood is noticed
+LAST_S = 2.0  # a station that is stopped takes in what waits, for so long at most
 NOT_OURS = (msgspec.DecodeError, UnicodeDecodeError, RecursionError)  # all that decoding strange bytes raises
 
 
@@ -77,11 +79,16 @@ class Subscription:
         return self._read_all(self._inbox.take(timeout_s))
 
     def turns(self, stop: threading.Event, timeout_s: float) -> Iterator[list[tuple[str, ANY]]]:
-        """What `drain` gives, a turn's worth each time, until ``stop``; then what is left over, as lost."""
+        """What `drain` gives, a turn's worth each time, until ``stop``; then what has come until then.
+
+        What could not be taken in within LAST_S after that comes last of all, as lost.
+        """
         while not stop.is_set():
             yield self._read_all(self._inbox.take(timeout_s, TURN))
-        yield self._read_all(self._inbox.take(0.0, TURN))
-        yield self._read_all(self._inbox.leave())
+        end_s = time.monotonic() + LAST_S
+        while (items := self._inbox.take(0.0, TURN)) and time.monotonic() < end_s:
+            yield self._read_all(items)
+        yield self._read_all(items + self._inbox.leave())
 
     def push(self, sample: Sample) -> None:
         # Zenoh's thread: a slow callback would stall every key of the session, so nothing else happens here.

@@ -231,7 +231,8 @@ def test_every_message_of_a_flood_is_in_the_summary(station, tmp_path, monkeypat
     serve(station, tmp_path / "run", stop, view=False, seconds=90.0, beside=scene)
     assert scene.failed is None
     counts = json.loads((tmp_path / "run" / "summary.json").read_text())["verdicts"]["theo"]
-    assert sum(counts["range"].values()) + counts["line"]["invalid"] == len(put) == 3_000
+    values = sum(counts.get("range", {}).values())  # none where the station was stopped before it took one
+    assert values + counts["line"]["invalid"] == len(put) == 3_000
     assert counts["line"]["invalid"] > 2_000
 
 
