@@ -67,6 +67,42 @@ def live(
 
 
 @app.command
+def flood(
+    *,
+    rate_hz: float = 10_000.0,
+    seconds: float = 60.0,
+    role: Annotated[bool, Parameter(negative="", show=False)] = False,
+) -> None:
+    """One source gone wild beside two that are well: what these lose, how late they are, memory, the end."""
+    from bench.speed import flood as asked
+
+    if role:
+        asked.pour(rate_hz, seconds)
+    else:
+        print(asked.soak(rate_hz, seconds))
+
+
+@app.command
+def long(
+    *,
+    hours: float = 24.0,
+    trace: Annotated[bool, Parameter(negative="", help="say which code holds what has grown; slow")] = False,
+) -> None:
+    """A long flight through the live session, faster than real time: memory, work, handles and threads."""
+    from bench.speed import long as asked
+
+    asked.run(3600.0 * hours, trace=trace)
+
+
+@app.command
+def faults(*, times: int = 20) -> None:
+    """Bridge, station and router killed, stopped and started again: told when, back when, states lost."""
+    from bench.speed import faults as asked
+
+    print(asked.run(times))
+
+
+@app.command
 def replay(
     log: Path,
     truth: Path,

@@ -21,6 +21,7 @@ without a time as a whole: each becomes one ``Bad`` that names the line, the col
 
 import json
 import socket
+import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -41,6 +42,10 @@ SIGMAS = {f"sigma_{name}": within for name, within in limits.SIGMA.items()}
 LIMITS = limits.POLAR | SIGMAS
 COLUMNS = ("t", *LIMITS)
 CLIP = limits.TEXT
+DATAGRAM_BYTES = 65_535  # no UDP datagram is larger
+BUFFER_BYTES = 4_000_000  # of the socket, for what comes while the bridge is busy
+SO_RXQ_OVFL = 40  # Linux counts datagrams that found the buffer full; asm-generic/socket.h
+OVERRUN = "lost before it was read: more datagrams than this machine can take"
 
 
 class FeedError(InputError):
@@ -120,7 +125,9 @@ def run(
     if isinstance(origin, tuple):
         with _listen(*origin) as server:
             bus.declare_alive(name)
-            for where, raw in _datagrams(server, stop):
+            for where, raw, lost in _datagrams(server, stop):
+                if lost:
+                    bus.publish("raw", Bad(source=name, where=where, reason=OVERRUN, count=lost), name)
                 for message in decode(raw, time.time_ns(), name, where, columns):
                     bus.publish("raw", message, name)
     else:
@@ -254,17 +261,24 @@ def _listen(host: str, port: int) -> socket.socket:
         server.close()
         why = getattr(error, "strerror", None) or "a port is a number from 0 to 65535"
         raise FeedError(f"udp {host}:{port}: {why}; choose another address or port") from None
+    server.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER_BYTES)  # the kernel gives what it allows
+    if sys.platform == "linux":
+        server.setsockopt(socket.SOL_SOCKET, SO_RXQ_OVFL, 1)
     server.settimeout(0.1)  # how long a stop may take
     return server
 
 
-def _datagrams(server: socket.socket, stop) -> Iterator[tuple[str, bytes]]:
+def _datagrams(server: socket.socket, stop: threading.Event) -> Iterator[tuple[str, bytes, int]]:
+    """Where each datagram came in, the datagram, and how many before it found the socket's buffer full."""
     host, port = server.getsockname()
-    count = 0
+    count = lost = 0
     while not stop.is_set():
         try:
-            raw = server.recv(65_535)
+            raw, ancillary, _, _ = server.recvmsg(DATAGRAM_BYTES, socket.CMSG_SPACE(4))
         except TimeoutError:
             continue
         count += 1
-        yield f"udp {host}:{port} #{count}", raw
+        so_far = [int.from_bytes(data, sys.byteorder) for _, kind, data in ancillary if kind == SO_RXQ_OVFL]
+        missing = (so_far[0] - lost) % 2**32 if so_far else 0
+        lost += missing
+        yield f"udp {host}:{port} #{count}", raw, missing

@@ -119,7 +119,8 @@ def table(kind: type) -> str:
 def parts(kind: type) -> list[type]:
     """The types of ours that its fields hold."""
     shown = " ".join(str(field.type) for field in msgspec.structs.fields(kind))
-    return [part for part in (contract.SensorHealth, contract.Instrument) if f".{part.__name__}" in shown]
+    ours = (contract.SensorHealth, contract.PartHealth, contract.Instrument)
+    return [part for part in ours if f".{part.__name__}" in shown]
 
 
 def example(kind: type) -> Any:
@@ -129,9 +130,8 @@ def example(kind: type) -> Any:
         named = EXAMPLES.get(f"{kind.__name__}.{field.name}", EXAMPLES.get(field.name))
         inner = next((part for part in parts(kind) if f".{part.__name__}" in str(field.type)), None)
         if inner:
-            values[field.name] = (
-                {"theo-north": example(inner)} if field.name == "sensors" else [example(inner)]
-            )
+            name = {"sensors": "theo-north", "parts": "mavlink"}.get(field.name)
+            values[field.name] = {name: example(inner)} if name else [example(inner)]
         elif named is not None:
             values[field.name] = named
         elif field.required:

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import viser
 
 from gcs.contract.messages import ANY, Event, Health, InputError, Scene, State, Verdict, Wind
+from gcs.contract.supervision import Part
 from web import colours, panel
 from web.controls import Playable, Player
 from web.scene import LAYERS, Picture
@@ -57,8 +58,8 @@ class View:
         self._theme(dark=False)
         self._build_panel(playback)
         self._server.on_client_connect(self._picture.cameras.look)
-        self._thread = threading.Thread(target=self._run, name="view", daemon=True)
-        self._thread.start()
+        self.part = Part("view", self._run, self._stop)  # drawing that fails is logged, and goes on
+        self.part.start()
 
     def put(self, message: ANY, source: str = "") -> None:
         """Show a message. ``source`` is "smoothed" for a smoothed state; any thread may call."""
@@ -73,7 +74,7 @@ class View:
 
     def close(self) -> None:
         self._stop.set()
-        self._thread.join()
+        self.part.join()
         self._stop_server()
 
     def _stop_server(self) -> None:
@@ -121,9 +122,9 @@ class View:
     def _show(self, layer: str, event: viser.GuiEvent) -> None:
         self._picture.layers[layer].visible = event.target.value
 
-    def _run(self) -> None:
+    def _run(self, stop: threading.Event) -> None:
         tick = 0
-        while not self._stop.wait(PERIOD_S):
+        while not stop.wait(PERIOD_S):
             for _ in range(len(self._queue)):
                 self._take(*self._queue.popleft())
             self._picture.update()

@@ -27,8 +27,16 @@ from gcs.contract.messages import InsMeasurement, PolarMeasurement, State
 ENDPOINT = "tcp/127.0.0.1:17447"
 ORIGIN = (-35.363261, 149.16523, 584.0)
 RATES_HZ = {"ins": 50.0, "theo-north": 20.0, "radar-1": 20.0}
-SITES = {"theo-north": (-35.34982, 149.16155, 612.0), "radar-1": (-35.3714, 149.1586, 589.0)}
-SIGMA = {"theo-north": (1.0, 0.003), "radar-1": (5.0, 0.05)}  # range metres; angles degrees
+SITES = {
+    "theo-north": (-35.34982, 149.16155, 612.0),
+    "theo-east": (-35.36, 149.172, 600.0),
+    "radar-1": (-35.3714, 149.1586, 589.0),
+}
+SIGMA = {  # range metres; angles degrees
+    "theo-north": (1.0, 0.003),
+    "theo-east": (1.0, 0.003),
+    "radar-1": (5.0, 0.05),
+}
 STATION = f"""
 [range]
 name = "demo"
@@ -76,7 +84,7 @@ def bridge(name: str, seconds: float) -> None:
         begin = time.monotonic()
         for number in range(int(seconds * RATES_HZ[name])):
             time.sleep(max(0.0, begin + number * period_s - time.monotonic()))
-            bus.publish("raw", measure(name, time.time_ns(), noise), name)
+            bus.publish("raw", measure(name, time.time_ns() // 1000 * 1000, noise), name)
 
 
 def echo() -> None:

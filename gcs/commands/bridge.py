@@ -1,6 +1,8 @@
 """``gcs bridge``: one instrument onto the bus."""
 
+import threading
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,6 +13,8 @@ from gcs.commands.compose import open_bus
 from gcs.commands.options import Config, stopped
 from gcs.contract import config as configuration
 from gcs.contract.messages import InputError
+from gcs.contract.supervision import Supervisor
+from gcs.outputs import log
 from gcs.outputs.console import say
 
 if TYPE_CHECKING:
@@ -32,9 +36,8 @@ def mavlink(
     from bridges.mavlink import mavlink as source
 
     resolved = configuration.load(station, config)
-    stop = stopped()
-    with _bridge_bus(resolved) as bus:
-        source.run(link or resolved.mavlink.link, resolved.vehicle.system_id, bus, stop)
+    address, system_id = link or resolved.mavlink.link, resolved.vehicle.system_id
+    _bridge("mavlink", resolved, lambda bus, stop: source.run(address, system_id, bus, stop))
 
 
 @command.command
@@ -67,8 +70,8 @@ def simulated(
     if out:
         source.write_all(out, track, instruments, seed, outliers)
         return
-    with _bridge_bus(resolved) as bus:
-        source.run(bus, track, instruments, seed, stopped(), share=outliers, speed=speed, now=now)
+    run = partial(source.run, share=outliers, speed=speed, now=now)
+    _bridge("simulated", resolved, lambda bus, stop: run(bus, track, instruments, seed, stop))
 
 
 def _instrument(kind: str) -> Callable[..., None]:
@@ -93,11 +96,11 @@ def _instrument(kind: str) -> Callable[..., None]:
         named = [option for option, value in origins.items() if value is not None]
         if named not in ([source.LINK], ["file"]):
             raise InputError(f"name one origin of a {kind}: --{source.LINK} HOST:PORT or --file FILE.csv")
-        with _bridge_bus(resolved) as bus:
-            if file is not None:
-                source.run(bus, name, file, stopped(), speed=speed)
-            else:
-                source.run(bus, name, _address(source.LINK, str(origins[source.LINK])), stopped())
+        if file is not None:
+            _bridge(name, resolved, lambda bus, stop: source.run(bus, name, file, stop, speed=speed))
+        else:
+            address = _address(source.LINK, str(origins[source.LINK]))
+            _bridge(name, resolved, lambda bus, stop: source.run(bus, name, address, stop))
 
     return bridge
 
@@ -106,9 +109,20 @@ for _kind in KINDS:
     command.command(_instrument(_kind), name=_kind, help=f"One {_kind} onto the bus as ``raw/NAME``.")
 
 
-def _bridge_bus(station: configuration.Station) -> "Bus":
-    """A bridge is a client of the station's router, and waits for it."""
-    return open_bus(station, mode="client", waiting=say)
+def _bridge(
+    name: str, station: configuration.Station, work: Callable[["Bus", threading.Event], None]
+) -> None:
+    """Run a bridge until it is stopped or its file ends; what fails is told on the bus, and starts again.
+
+    It is a client of the station's router, and waits for it.
+    """
+    stop = stopped()
+    with (
+        open_bus(station, mode="client", waiting=say) as bus,
+        log.opened(None, [partial(bus.publish, "event")]),
+        Supervisor(stop) as supervisor,
+    ):
+        supervisor.start(name, partial(work, bus)).join()
 
 
 def _address(option: str, text: str) -> tuple[str, int]:

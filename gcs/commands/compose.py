@@ -8,6 +8,7 @@ from filters.correction.correction import off
 from gcs.commands.compiled import prepare
 from gcs.contract.config import Station
 from gcs.contract.frames import Frame, scene
+from gcs.contract.messages import PartHealth
 from gcs.outputs.console import Console
 from gcs.outputs.publish import Publisher, Target
 from gcs.outputs.record import Record
@@ -27,9 +28,10 @@ def open_bus(station: Station, **options: Any) -> "Bus":
 
     media = MSGPACK if station.bus.media == "msgpack" else JSON
     names = station.range.name, station.vehicle.name
-    return Bus.open(
-        *names, **{"mode": station.bus.mode, "endpoint": station.bus.endpoint, "media": media} | options
-    )
+    said = station.bus
+    rates_hz = {"": said.rate_hz, **dict.fromkeys(("ins", "air"), said.ins_rate_hz)}
+    settings: dict[str, Any] = {"mode": said.mode, "endpoint": said.endpoint, "rates_hz": rates_hz}
+    return Bus.open(*names, **settings | {"media": media} | options)
 
 
 def open_view(station: Station, frame: Frame, playback: Playback | None = None) -> "View":
@@ -57,12 +59,13 @@ def new_session(
     send_to: Sequence[Target],
     feeds: Feeds,
     correction: Callable = off,
+    parts: Callable[[], dict[str, PartHealth]] = dict,
 ) -> Session:
     """A session with its sinks, compiled and ready for the first measurement."""
     sinks: list[Sink] = [Record(out, station, frame), Console()]
     if send_to:
         names = ["ins", *(sensor.name for sensor in station.sensor)]
-        sinks.append(Publisher(frame, Monitor(names, feeds), send_to))
+        sinks.append(Publisher(frame, Monitor(names, feeds, parts), send_to))
     prepare()
     session = Session(station, frame, sinks, method, correction)
     session.estimator.warm_up()

@@ -1,11 +1,16 @@
 """The station live: bus, MAVLink link, session, record and view, opened and closed together."""
 
+import gc
 import json
+import logging
+import sys
 import threading
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from filters.correction.correction import off
 from gcs.commands.compose import new_session, open_bus, open_view, targets
@@ -13,31 +18,20 @@ from gcs.commands.options import seconds_of, writable
 from gcs.contract import messages
 from gcs.contract.config import Station
 from gcs.contract.frames import Frame, scene
-from gcs.contract.messages import InputError
+from gcs.contract.messages import Event, InputError
+from gcs.contract.supervision import Backoff, Supervisor, brief, log
+from gcs.outputs import log as logbook
 from gcs.outputs.console import say
+from gcs.outputs.outbox import Outbox
+from gcs.outputs.publish import Target
 from gcs.outputs.record import stamp
 from gcs.station import live
+from gcs.station.session import Session
 
+if TYPE_CHECKING:
+    from gcs.contract.bus import Bus
 
-class Worker(threading.Thread):
-    """Runs ``work`` beside the session; what it raises ends the station and is raised again by ``done``."""
-
-    def __init__(self, work: Callable[[], None], stop: threading.Event):
-        super().__init__(daemon=True)
-        self._work, self._stop_all = work, stop
-        self._error: InputError | None = None
-
-    def run(self) -> None:
-        try:
-            self._work()
-        except InputError as error:
-            self._error = error
-            self._stop_all.set()
-
-    def done(self) -> None:
-        self.join()
-        if self._error:
-            raise self._error
+LAST_TRIES = 20  # failures of the loop without a minute's work between them: nothing can go on
 
 
 def serve(
@@ -66,18 +60,26 @@ def serve(
         shown = open_view(station, frame) if view else None
         if shown:
             stack.callback(shown.close)
+        outbox, told_all = Outbox(bus.publish), threading.Event()
+        send_to: list[Target] = [outbox, *targets(view=shown)]
+        events = [partial(_send_event, target) for target in send_to]
+        stack.enter_context(logbook.opened(folder, events))
+        supervisor = stack.enter_context(Supervisor(stop))
+        supervisor.start("publisher", outbox.run, told_all)
+        stack.callback(told_all.set)  # after the session's last word
         say("compiling the filter (once; cached for the next start)")
         feeds = live.BusFeeds(bus)
-        session = new_session(station, frame, folder, method, targets(bus, shown), feeds, correction)
+        told = [*send_to, _note]
+        session = new_session(station, frame, folder, method, told, feeds, correction, supervisor.health)
+        supervisor.others = session.supervise()
         still = scene(station, frame)
         bus.publish("scene", still)
         bus.serve("scene", lambda: messages.encode(still))
         bus.serve("schema", lambda: (json.dumps(messages.schema()).encode(), messages.JSON))
         if station.mavlink.link:
-            worker = Worker(lambda: _mavlink(station, bus, stop), stop)
-            worker.start()
-            stack.callback(worker.done)
-            stack.callback(stop.set)
+            supervisor.start("mavlink", partial(_mavlink, station, Link(bus)))
+        if shown:
+            supervisor.adopt(shown.part)
         say(f"bus: {station.bus.endpoint}   keys: {station.range.name}/{station.vehicle.name}/…")
         if shown:
             say(f"view: {shown.url}   (Ctrl-C ends)")
@@ -86,14 +88,61 @@ def serve(
             timer = threading.Timer(seconds, stop.set)
             timer.daemon = True
             timer.start()
-        live.run(session, feeds, over)
+        gc.collect()
+        gc.freeze()  # what is loaded by now stays: else each full collection walks through all of it, 0.1 s
+        with supervisor.watched("session", over) as pulse:
+            _run(session, feeds, pulse)
         if shown and not stop.is_set():
             say("the flight is over; the view stays until Ctrl-C")
             stop.wait()
     say(f"run folder: {folder}")
+    missed = [sink.name for sink in supervisor.others if not sink.health().running]
+    if missed:
+        sys.exit(f"gcs: {', '.join(missed)} failed and is not whole; see {folder / 'station.log'}")
 
 
-def _mavlink(station: Station, bus, stop: threading.Event) -> None:
+def _run(session: Session, feeds: live.BusFeeds, stop: threading.Event) -> None:
+    """The loop; what fails in it costs that turn's messages, not the flight."""
+    again = Backoff()
+    while True:
+        again.begin()
+        try:
+            live.run(session, feeds, stop)
+            return
+        except Exception as error:  # whatever it is: the flight goes on
+            wait_s = again.fail()
+            if again.in_a_row > LAST_TRIES:
+                raise
+            log.exception(
+                "session failed: %s; goes on in %g s, failure %d", brief(error), wait_s, again.failures
+            )
+            stop.wait(wait_s)
+
+
+class Link:
+    """The bus for a bridge in this process: what it tells goes where all that the station tells goes."""
+
+    def __init__(self, bus: "Bus"):
+        self._bus, self.declare_alive = bus, bus.declare_alive
+
+    def publish(self, subject: str, message: messages.ANY, source: str = "") -> None:
+        if isinstance(message, Event):
+            log.log(logbook.LEVELS.get(message.level, logging.WARNING), "%s", message.text)
+        else:
+            self._bus.publish(subject, message, source)
+
+
+def _mavlink(station: Station, bus: Any, stop: threading.Event) -> None:
     from bridges.mavlink import mavlink
 
     mavlink.run(station.mavlink.link, station.vehicle.system_id, bus, stop)
+
+
+def _send_event(target: Target, event: Event) -> None:
+    target("event", event, "")
+
+
+def _note(subject: str, message: messages.ANY, source: str) -> None:
+    """A target of the publisher: its events go into the log as well."""
+    if isinstance(message, Event):
+        logbook.note(message)

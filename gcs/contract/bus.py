@@ -22,110 +22,47 @@ import json
 import re
 import threading
 import time
-from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
 
-import msgspec
 import zenoh
 from zenoh import ext
 
 from gcs.contract.config import BusSection
-from gcs.contract.messages import ANY, JSON, Bad, InputError, decode, encode
+from gcs.contract.inbox import Inbox, Limits
+from gcs.contract.messages import ANY, JSON, InputError, encode
+from gcs.contract.subscription import Sample, Subscription
+from gcs.contract.supervision import guarded
 
 ENDPOINT = BusSection().endpoint
 KEEP = 2_000  # samples each key keeps for late joiners and recovery: 20 s at 100 Hz
+BURST_S = 5.0  # of its highest rate may come at once: the backlog of a source at half of it, after 10 s away
 HEARTBEAT_S = 0.2  # a publisher tells its last number this often, so that a lost last sample is noticed
 LEASE_MS = 2_000  # a peer that says nothing for so long is gone: hung processes show within about 2 s
 STALL_US = 1_000_000  # a reader that takes nothing for so long is cut off, so that it cannot hold the station
 BLOCK = zenoh.CongestionControl.BLOCK  # the default drops samples of a burst
 RETRY_S = 0.25  # between attempts to reach a router that is not there
 RETURN_S = 3 * RETRY_S  # a new router waits so long for the clients of the one before, who hold its history
-NOT_OURS = (msgspec.DecodeError, UnicodeDecodeError, RecursionError)  # all that decoding strange bytes raises
 
 
 class BusError(InputError):
     """The bus cannot be used; one line that says why and what to do."""
 
 
-class Subscription:
-    """A bounded queue of samples: the newest ``capacity`` wait here until drained, older ones are counted."""
-
-    def __init__(self, capacity: int):
-        self.dropped = 0  # messages lost because the queue was full
-        self.undecodable = 0  # payloads that are none of ours
-        self.missed = 0  # messages lost on the way and no longer kept by their publisher
-        self._queue: deque[tuple[float, zenoh.Sample]] = deque(maxlen=capacity)
-        self._early: list[zenoh.Sample] | None = []  # live samples that wait for the history
-        self._newest: dict[tuple, int] = {}  # last sample number taken from each publisher
-        self._filled = threading.Condition()
-
-    @property
-    def age_s(self) -> float:
-        """How long the oldest queued message has waited, for health only (monotonic clock)."""
-        with self._filled:
-            return time.monotonic() - self._queue[0][0] if self._queue else 0.0
-
-    def drain(self, timeout_s: float = 0.1) -> list[tuple[str, ANY]]:
-        """All queued ``(source, message)`` in arrival order; waits at most ``timeout_s`` for the first.
-
-        A payload on ``raw/*`` that is none of ours comes out as ``Bad``, so that it gets its verdict;
-        on other keys it is only counted.
-        """
-        with self._filled:
-            self._filled.wait_for(lambda: self._queue, timeout_s)
-            samples = list(self._queue)
-            self._queue.clear()
-        return [pair for _, sample in samples if (pair := self._decode(sample))]
-
-    def _push(self, sample: zenoh.Sample) -> None:
-        # Zenoh's thread: a slow callback would stall every key of the session, so nothing else happens here.
-        with self._filled:
-            if self._early is None:
-                self._take(sample)
-            else:
-                self._early.append(sample)
-
-    def _begin(self, history: list[zenoh.Sample]) -> None:
-        with self._filled:
-            for sample in history + (self._early or []):
-                self._take(sample)
-            self._early = None
-
-    def _take(self, sample: zenoh.Sample) -> None:
-        if info := sample.source_info:  # a plain publisher's samples have none
-            publisher = info.source_id.zid, info.source_id.eid
-            if info.source_sn <= self._newest.get(publisher, -1):
-                return  # came with the history
-            self._newest[publisher] = info.source_sn
-        self.dropped += len(self._queue) == self._queue.maxlen
-        self._queue.append((time.monotonic(), sample))
-        self._filled.notify()
-
-    def _count_miss(self, miss: ext.Miss) -> None:
-        self.missed += miss.nb
-
-    def _decode(self, sample: zenoh.Sample) -> tuple[str, ANY] | None:
-        key, payload = str(sample.key_expr), sample.payload.to_bytes()
-        _, _, subject, source = (key + "/").split("/")[:4]
-        try:
-            return source, decode(payload, str(sample.encoding))
-        except NOT_OURS as error:
-            self.undecodable += 1
-            if subject != "raw":
-                return None
-            clipped = payload[:200].decode(errors="replace")
-            return source, Bad(source=source, where=key, reason=str(error), raw=clipped)
-
-
 class Bus:
     """One Zenoh session for one vehicle. Use it in a ``with``: left open, it hangs the interpreter's exit."""
 
-    def __init__(self, session: zenoh.Session, prefix: str, media: str, settled_s: float):
-        self._session, self._prefix, self._media, self._settled_s = session, prefix, media, settled_s
+    def __init__(self, session: zenoh.Session, prefix: str, media: str, rates_hz: Mapping[str, float]):
+        self._session, self._prefix, self._media, self._rates_hz = session, prefix, media, rates_hz
+        self._settled_s = 0.0
         self._publishers: dict[str, ext.AdvancedPublisher] = {}
+        self._declaring = threading.Lock()
         self._alive: set[str] = set()
+        self._tokens: set[str] = set()
         self._held: list[object] = [
-            session.liveliness().declare_subscriber(f"{prefix}/alive/*", self._on_liveliness, history=True)
+            session.liveliness().declare_subscriber(
+                f"{prefix}/alive/*", guarded("liveliness", self._on_liveliness), history=True
+            )
         ]
         self.serve("here", lambda: (b"", "zenoh/bytes"))
 
@@ -138,6 +75,7 @@ class Bus:
         mode: str = "router",
         endpoint: str = ENDPOINT,
         media: str = JSON,
+        rates_hz: Mapping[str, float] = MappingProxyType({}),
         waiting: Callable[[str], None] | None = None,
     ) -> "Bus":
         """Join the bus.
@@ -146,6 +84,7 @@ class Bus:
         connect to it. (Peers joined only by a router do not hear one another: bridges are clients.)
         Without a router there, a client calls ``waiting`` once with a line for the operator and tries
         until one comes; ``waiting=None`` raises instead. Once joined, a client returns by itself.
+        ``rates_hz``: source → how many measurements a second are taken from it, "" for all others.
 
         Raises ``BusError``: bad name or endpoint, endpoint taken, no router.
         """
@@ -153,12 +92,14 @@ class Bus:
         config = _config(mode, endpoint)
         while True:
             try:
-                settled_s = time.monotonic() + (RETURN_S if mode == "router" else 0.0)
-                return cls(zenoh.open(config), prefix, media, settled_s)
+                bus = cls(zenoh.open(config), prefix, media, rates_hz)
             except zenoh.ZError as error:
                 line = _explain(mode, endpoint, error)
                 if waiting is None or mode == "router":
                     raise BusError(line) from error
+            else:
+                bus._settled_s = time.monotonic() + (RETURN_S if mode == "router" else 0.0)
+                return bus
             waiting(line)
             waiting = _say_nothing
             time.sleep(RETRY_S)
@@ -187,19 +128,27 @@ class Bus:
     def subscribe(self, *subjects: str, capacity: int = 20_000) -> Subscription:
         """One queue fed by all ``subjects``: "state", "raw/*", "verdict/*" ...; kept samples come first."""
         time.sleep(max(0.0, self._settled_s - time.monotonic()))
-        subscription = Subscription(capacity)
+        subscription = Subscription(Inbox(capacity, self._limits_of))
+        push, miss = (guarded("subscription", call) for call in (subscription.push, subscription.count_miss))
         for key in (f"{self._prefix}/{subject}" for subject in subjects):
             subscriber = ext.declare_advanced_subscriber(
                 self._session,
                 key,
-                subscription._push,
+                push,
                 recovery=ext.RecoveryConfig(heartbeat=True, periodic_queries=None),
             )
-            self._held += [subscriber, subscriber.sample_miss_listener(subscription._count_miss)]
-        subscription._begin([s for subject in subjects for s in self._history(f"{self._prefix}/{subject}")])
+            self._held += [subscriber, subscriber.sample_miss_listener(miss)]
+        subscription.begin([s for subject in subjects for s in self._history(f"{self._prefix}/{subject}")])
         return subscription
 
-    def _history(self, key: str) -> list[zenoh.Sample]:
+    def _limits_of(self, key: str) -> Limits:
+        """How much of a key is taken: of measurements, which anybody may send, no more than told."""
+        *_, subject, source = key.split("/")
+        if subject != "raw":
+            return Limits()
+        return Limits(self._rates_hz.get(source, self._rates_hz.get("", float("inf"))), BURST_S)
+
+    def _history(self, key: str) -> list[Sample]:
         # The advanced subscriber's own history option loses the older part whenever a live sample comes
         # while it is being fetched (zenoh 1.10: every third late joiner at 20 Hz). This is the same query.
         return [reply.ok for reply in self._ask(f"{key}/@adv/pub/**") if reply.ok]
@@ -218,6 +167,9 @@ class Bus:
     def declare_alive(self, source: str) -> None:
         """Hold the liveliness token of ``source`` until this bus closes or its process dies."""
         key = f"{self._prefix}/alive/{_name(source)}"
+        if key in self._tokens:
+            return  # a bridge that starts again in this process
+        self._tokens.add(key)
         self._held.append(self._session.liveliness().declare_token(key))
 
     def alive(self) -> set[str]:
@@ -232,11 +184,15 @@ class Bus:
             payload, encoding = reply()
             query.reply(key, payload, encoding=encoding)
 
-        self._held.append(self._session.declare_queryable(key, answer))
+        self._held.append(self._session.declare_queryable(key, guarded(f"the answer on {subject}", answer)))
 
     def _declare_publisher(self, key: str) -> ext.AdvancedPublisher:
         for name in key.split("/"):
             _name(name)
+        with self._declaring:  # several threads publish events
+            return self._publishers.get(key) or self._new_publisher(key)
+
+    def _new_publisher(self, key: str) -> ext.AdvancedPublisher:
         self._publishers[key] = ext.declare_advanced_publisher(
             self._session,
             f"{self._prefix}/{key}",

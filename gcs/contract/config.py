@@ -98,6 +98,19 @@ class BusSection(Section, frozen=True):
     ] = "router"
     endpoint: Annotated[str, Meta(description="Zenoh's own port, on loopback")] = "tcp/127.0.0.1:7447"
     media: Annotated[Literal["json", "msgpack"], Meta(description="msgpack where the link is thin")] = "json"
+    rate_hz: Annotated[
+        float,
+        Meta(
+            ge=1.0,
+            le=10_000.0,
+            description="measurements taken from one instrument, so that one gone wild cannot drown the "
+            "others: five times what is usual; what is beyond is refused and counted",
+        ),
+    ] = 100.0
+    ins_rate_hz: Annotated[
+        float,
+        Meta(ge=1.0, le=10_000.0, description="the same of the autopilot, which has several messages a turn"),
+    ] = 200.0
 
 
 class ViewSection(Section, frozen=True):

@@ -29,6 +29,7 @@ WIRE_NS = 2**62  # a time on the bus lies within ± this: half of int64, so no l
 FASTEST = 1e6  # times real time, of a file that is played: an hour in 4 ms
 LONGEST_S = 1e7  # of a run whose end is set beforehand: four months; a timer takes no more than 292 years
 TEXT = 200  # characters of damaged input, or of a reason, that travel on and reach verdicts.csv
+LARGEST_BYTES = 65_536  # of one message: no datagram is larger, and ours have some hundred bytes
 
 
 def between(limits: tuple[float, float]) -> str:

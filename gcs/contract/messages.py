@@ -24,6 +24,7 @@ MSGPACK = "application/msgpack"
 
 
 TimeNs = Annotated[int, msgspec.Meta(ge=-WIRE_NS, le=WIRE_NS)]  # what is beyond is refused when decoded
+Count = Annotated[int, msgspec.Meta(ge=1, le=10**9)]
 
 
 class InputError(ValueError):
@@ -90,6 +91,7 @@ class Bad(_Message, frozen=True, kw_only=True):
     reason: str
     raw: str = ""  # the input itself, clipped
     t_ns: TimeNs | None = None  # when it says so itself
+    count: Count = 1  # of lines or messages that this one stands for
 
 
 class State(_Message, frozen=True, kw_only=True):
@@ -155,12 +157,21 @@ class SensorHealth(msgspec.Struct, frozen=True, kw_only=True):
     outliers: int = 0
 
 
+class PartHealth(msgspec.Struct, frozen=True, kw_only=True):
+    """How one part of the station does: the link, the session, a sink."""
+
+    running: bool = True  # false: it waits before it is tried again, or has ended
+    hung: bool = False  # it has not turned for seconds
+    failures: int = 0  # since the start
+
+
 class Health(_Message, frozen=True, kw_only=True):
     """Published once a second."""
 
     t_ns: TimeNs
     sensors: dict[str, SensorHealth]
     queue_age_s: float = 0.0  # how long the oldest measurement waits to be taken in
+    parts: dict[str, PartHealth] = {}  # of the station's own; none in a replay
 
 
 class Event(_Message, frozen=True, kw_only=True):

@@ -23,6 +23,7 @@ UNITS = {
     "mps2": "m/s²",
     "deg": "degrees",
     "s": "s",
+    "hz": "1/s",
     "jerk_psd": "m²/s⁵",
     "gust_psd": "m²/s³",
     "scans": "scans",

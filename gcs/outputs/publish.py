@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator, Sequence
 from math import isfinite
 
+import msgspec
 import numpy as np
 
 from gcs.contract.frames import Frame
@@ -13,6 +14,7 @@ from gcs.station.session import Update
 
 LOWER = np.tril_indices(9)
 SEVERITY = np.array([1, 2, 3, 4, 5, 0, 0])  # of VERDICTS: the worst channel speaks for the measurement
+FAILED = -1  # quality of the last state, sent again when no newer one can be told; as MAVLink's ODOMETRY
 Target = Callable[[str, ANY, str], None]  # (subject, message, source)
 
 
@@ -22,20 +24,33 @@ class Publisher:
     def __init__(self, frame: Frame, monitor: Monitor, targets: Sequence[Target]):
         self._frame, self._monitor, self._targets = frame, monitor, targets
         self._seq = {"state": 0, "smoothed": 0}
-        self._resets = 0
+        self._last: State | None = None
+        self._smoothed_ns = 0
 
     def take(self, update: Update) -> None:
+        due = self._monitor.take(update)  # first: it knows how old each sensor's newest measurement is
         for source, verdict in verdicts(update.judged, update.ledger):
             self._send("verdict", verdict, source)
         for subject, track in (("smoothed", update.smoothed), ("state", update.track)):
-            for state in states(track, self._frame, self._seq[subject], self._monitor.ages_s):
-                self._send(subject, state)
-            self._seq[subject] += len(track)
-        for message in (*update.told, *self._monitor.take(update)):
+            self._send_states(subject, track)
+        if update.failed and self._last:
+            failed = msgspec.structs.replace(self._last, seq=self._seq["state"], quality=FAILED)
+            self._seq["state"] += 1
+            self._send("state", failed)
+        for message in (*update.told, *due):
             self._send(type(message).__name__.lower(), message)
 
     def close(self, summary: dict, best: np.ndarray) -> None:
+        self._send_states("smoothed", best[best["t_ns"] > self._smoothed_ns])  # to the end of the flight
         self._send("event", Event(t_ns=self._monitor.now_ns, level="info", text="end of data"))
+
+    def _send_states(self, subject: str, track: np.ndarray) -> None:
+        for state in states(track, self._frame, self._seq[subject], self._monitor.ages_s):
+            self._send(subject, state)
+            self._last = state if subject == "state" else self._last
+        self._seq[subject] += len(track)
+        if subject == "smoothed" and len(track):
+            self._smoothed_ns = int(track["t_ns"][-1])
 
     def _send(self, subject: str, message: ANY, source: str = "") -> None:
         for target in self._targets:

@@ -24,6 +24,11 @@ class Align:
         self._pace: dict[int, tuple[int, int, int]] = {}  # sensor → newest t, its arrival, usual interval
         self._arrivals: list[tuple[int, int]] = []  # (arrival, newest t) of what waits
 
+    @property
+    def waiting_ids(self) -> np.ndarray:
+        """(w,) ids of the rows that wait."""
+        return self._waiting["id"]
+
     def add(self, rows: np.ndarray, arrival_ns: int | None = None) -> None:
         """Take (n,) ROW in any order; ``arrival_ns`` where they came live."""
         self._waiting = np.concatenate([self._waiting, rows])

@@ -130,8 +130,8 @@ class Intake:
         ]
         for field in ("value", "position_m", "predicted", "sigma"):
             entries[field] = np.nan
-        texts = [" ".join(f"{bad.where}: {bad.reason[: limits.TEXT]}"[: limits.TEXT].split()) for bad in bads]
-        complaints = np.array([self.ledger.reason(text) for text in texts], dtype=np.int32)
+        entries["count"] = [bad.count for bad in bads]
+        complaints = np.array([self.ledger.remark(_remark(bad)) for bad in bads], dtype=np.int32)
         return Batch(entries, entries["t_ns"].copy(), complaints, np.zeros(len(bads)))
 
     def enter(self, batch: Batch) -> tuple[np.ndarray, np.ndarray]:
@@ -158,7 +158,7 @@ class Intake:
         entries["position_m"] = position_m[measurement]
         entries["predicted"] = entries["sigma"] = np.nan
         entries["weight"], entries["verdict"], entries["reason"], entries["final"] = 0.0, PENDING, 0, False
-        entries["screened"] = False
+        entries["screened"], entries["count"] = False, 1
         low, high = LOW[entries["channel"]], HIGH[entries["channel"]]
         impossible = ~((low <= entries["value"]) & (entries["value"] <= high))
         complaints = np.where(impossible, self.ledger.reason("no target can be there"), 0)
@@ -173,3 +173,9 @@ class Intake:
         if np.isfinite(own).any():
             self.separation_source = "receiver"
         return np.nan_to_num(own)
+
+
+def _remark(bad: Bad) -> str:
+    """Why it is no measurement, in one line."""
+    many = f"{bad.count} like this: " if bad.count > 1 else ""
+    return " ".join(f"{bad.where[: limits.TEXT]}: {many}{bad.reason[: limits.TEXT]}"[: limits.TEXT].split())

@@ -17,7 +17,8 @@ ENTRY = np.dtype(
         ("sigma", "f8"),
         ("weight", "f8"),
         ("verdict", "i1"),
-        ("reason", "i4"),  # index into Ledger.reasons
+        ("reason", "i4"),  # index into Ledger.reasons; negative: a remark on this entry alone
+        ("count", "i4"),  # of lines that it stands for; 1 for a value
         ("final", "?"),
         ("screened", "?"),  # doubted by the screening of its own channel
     ]
@@ -33,6 +34,9 @@ class Ledger:
         self.sensors = sensors
         self.reasons = list(reasons)
         self._reason_index = {text: index for index, text in enumerate(reasons)}
+        self._remarks: dict[int, str] = {}
+        self._remarked = 0
+        self._gone: list[int] = []  # remarks on what was retired last: the sinks may still ask for them
         self.first = 0
         self.counts = np.zeros((len(sensors), len(CHANNELS) + 1, len(VERDICTS)), dtype=np.int64)
         self.doubted = np.zeros_like(self.counts)
@@ -67,6 +71,12 @@ class Ledger:
             self.reasons.append(text)
         return index
 
+    def remark(self, text: str) -> int:
+        """The index of a reason for one entry; it is forgotten with the entry."""
+        self._remarked -= 1
+        self._remarks[self._remarked] = text
+        return self._remarked
+
     def dismiss(self, ids: np.ndarray, verdict: str, reasons: np.ndarray | int) -> np.ndarray:
         """Final verdict on values that never reach the filter; ``reasons`` as indices. Returns ``ids``."""
         at = ids - self.first
@@ -90,6 +100,16 @@ class Ledger:
             self._entries[field][at] = verdicts[field]
         return verdicts["id"]
 
+    def abandon(self, but: np.ndarray, reason: int) -> np.ndarray:
+        """Nobody judges any more what is held, except the ids ``but``: what has a verdict keeps it for good,
+        the rest is invalid for ``reason``. Returns the ids (n,) that are final now.
+        """
+        ids = self.first + np.flatnonzero(~self.entries["final"])
+        ids = np.setdiff1d(ids, but)
+        self._entries["final"][ids - self.first] = True
+        self.dismiss(ids[self._entries["verdict"][ids - self.first] == PENDING], "invalid", reason)
+        return ids
+
     def at(self, ids: np.ndarray) -> np.ndarray:
         """(n,) ENTRY, a copy."""
         return self._entries[ids - self.first]
@@ -99,7 +119,10 @@ class Ledger:
         held = self.entries
         n = len(held) if held["final"].all() else int(np.argmin(held["final"]))
         done = held[:n].copy()
-        np.add.at(self.counts, (done["sensor"], done["channel"], done["verdict"]), 1)
+        for index in self._gone:
+            self._remarks.pop(index, None)
+        self._gone = done["reason"][done["reason"] < 0].tolist()
+        np.add.at(self.counts, (done["sensor"], done["channel"], done["verdict"]), done["count"])
         np.add.at(self.doubted, (done["sensor"], done["channel"], done["verdict"]), done["screened"])
         self._entries[: self._size - n] = held[n:].copy()
         self._size -= n
@@ -122,7 +145,8 @@ class Ledger:
         ]
 
     def _text(self, code: int, far: float, *, screened: bool) -> str:
-        text = f"{self.reasons[code]} ({far:.1f} sigma)" if code and far == far else self.reasons[code]
+        text = self.reasons[code] if code >= 0 else self._remarks[code]
+        text = f"{text} ({far:.1f} sigma)" if code and far == far else text
         if not screened:
             return text
         return f"{text}; screening agrees" if text else "screening alone doubts it"

@@ -52,13 +52,16 @@ class BusFeeds:
     def queue_age_s(self) -> float:
         return self.incoming.age_s
 
+    def idle_s(self) -> float:
+        return self.incoming.idle_s
+
 
 def run(session: Session, feeds: BusFeeds, stop: threading.Event) -> dict:
     """Serve until ``stop``; returns the summary."""
     strangers: Counter = Counter()
     stop.wait(SETTLE_S)
-    while not stop.is_set():
-        arrived = sorted(feeds.incoming.drain(POLL_S), key=lambda pair: pair[0])
+    for drained in feeds.incoming.turns(stop, POLL_S):
+        arrived = sorted(drained, key=lambda pair: pair[0])
         now_ns = time.time_ns()
         for name, pairs in groupby(arrived, key=lambda pair: pair[0]):
             found = [message for _, message in pairs]

@@ -4,6 +4,7 @@ measurements → intake → align → witness, estimator → air → ledger → 
 """
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import NamedTuple, Protocol
 
 import msgspec
@@ -11,20 +12,26 @@ import numpy as np
 
 from filters import methods
 from filters.correction.correction import off
+from filters.models.rows import Step
 from filters.models.settings import Settings
 from filters.screening.witness import Nobody, Witness
 from filters.smoother import status
 from gcs import __version__
+from gcs.contract import limits
 from gcs.contract.config import Station
 from gcs.contract.frames import Frame
-from gcs.contract.messages import Event, InputError, Wind
+from gcs.contract.messages import INS_CHANNELS, Event, InputError, Wind
 from gcs.station.air import Air
 from gcs.station.align import Align
+from gcs.station.guarded import Estimator, GuardedSink, Relay
 from gcs.station.intake import Batch, Intake, sensors_of, settings_of
 from gcs.station.ledger import Ledger
+from gcs.station.pace import Pace
 
 FOREVER_NS = np.iinfo(np.int64).max
-GAP, GAP_S = 5.0, 0.5  # a pause of so many usual intervals, and of at least so long, is a gap
+GUESS_M = 1_000.0  # 1 sigma: worse than this, dead reckoning too says nothing that an operator can use
+LOW, HIGH = np.array([limits.CHANNEL[name] for name in INS_CHANNELS]).T  # of a state: position, velocity, …
+LOST_NS = 1_000_000_000  # of measurements without a state: the filter has lost the target
 
 
 class Update(NamedTuple):
@@ -36,6 +43,7 @@ class Update(NamedTuple):
     retired: np.ndarray  # (r,) ENTRY, final, in order of arrival
     ledger: Ledger  # gives names and ``reason_texts``
     told: Sequence[Wind | Event] = ()  # of the air
+    failed: bool = False  # measurements come, and no state can be told any more
 
 
 class Sink(Protocol):
@@ -62,7 +70,7 @@ class Session:
         self.intake = Intake(station, frame, self.ledger)
         self.align = Align(station.align.hold_s)
         settings = settings_of(station, frame)
-        self.estimator = _make_estimator(method, self.sensors, settings, correction)
+        self.estimator = Relay(partial(_make_estimator, method, self.sensors, settings, correction))
         self._settings = {
             "method": method,
             "learned_correction": correction is not off,
@@ -71,11 +79,18 @@ class Session:
         }
         self.witness = Witness(self.sensors) if station.screening.on else Nobody()
         self.air = Air()
-        self.sinks = sinks
+        self.sinks = list(sinks)
         self._judged: list[np.ndarray] = []
-        self._times: list[list[np.ndarray]] = [
-            [] for _ in self.sensors
-        ]  # valid times that reached the filter
+        self._told_ns = 0  # of the newest state
+        self._senseless = 0  # states that were not told
+        self._pace = [Pace() for _ in self.sensors]  # of what reached the filter
+
+    def supervise(self) -> list[GuardedSink]:
+        """Go on where a sink or the estimator fails, as a live flight must; returns the sinks as guarded."""
+        guarded = [GuardedSink(sink) for sink in self.sinks]
+        self.sinks = list[Sink](guarded)
+        self.estimator.forgiving = True
+        return guarded
 
     def enter(self, batch: Batch, arrival_ns: int | None = None) -> None:
         """Take measurements in; ``arrival_ns`` where they came live."""
@@ -90,17 +105,18 @@ class Session:
     def advance(self, upto_ns: int) -> None:
         """One turn of the loop, over everything valid up to ``upto_ns``."""
         rows, repeats = self.align.release(upto_ns)  # one time-ordered stream
-        for sensor, times in enumerate(self._times):
-            times.append(rows["t_ns"][rows["sensor"] == sensor])
+        for sensor in np.unique(rows["sensor"]).tolist():
+            self._pace[sensor].take(rows["t_ns"][rows["sensor"] == sensor])
         self._judged.append(
             self.ledger.dismiss(
                 repeats, "duplicate", self.ledger.reason("this channel already has a value at this time")
             )
         )
         self.ledger.doubt(rows["id"][self.witness.doubts(rows)])  # each channel by itself
-        step = self.estimator.step(rows)  # state and verdicts
+        step = self._estimate(rows)  # state and verdicts
         track, told = self.air.step(step.track, upto_ns)  # wind, or dead reckoning
-        self._hand_on(step._replace(track=track), told)
+        track = self._told_only(track)
+        self._hand_on(step._replace(track=track), told, failed=self._lost(rows, track))
 
     def finish(self, about: dict) -> dict:
         """Take in what still waits, make every verdict final, and give each sink the summary.
@@ -109,7 +125,8 @@ class Session:
         """
         self.advance(FOREVER_NS)
         self._hand_on(self.estimator.finish())
-        summary, best = about | self.summary(), self.estimator.smooth()
+        best = self._told_only(self.estimator.smooth())
+        summary = about | self.summary()
         for sink in self.sinks:
             sink.close(summary, best)
         return summary
@@ -121,32 +138,60 @@ class Session:
             "settings": self._settings,
             "verdicts": self.ledger.count_table(),
             "doubted_by_screening": self.ledger.count_table(doubted=True),
-            "pace": {name: pace(self._times[k]) for k, name in enumerate(self.ledger.sensors)},
+            "pace": {name: self._pace[k].report() for k, name in enumerate(self.ledger.sensors)},
             "height": {"geoid_separation_from": self.intake.separation_source},
             "estimator": self.estimator.report(),
+            "states_not_told": self._senseless,
             "wind": self.air.report(),
         }
 
-    def _hand_on(self, step, told: Sequence[Wind | Event] = ()) -> None:
+    def _estimate(self, rows: np.ndarray) -> Step:
+        before = self.estimator.failures
+        step = self.estimator.step(rows)
+        if self.estimator.failures > before:
+            why = self.ledger.reason("the estimator failed here and began anew")
+            self._judged.append(self.ledger.abandon(self.align.waiting_ids, why))
+        return step
+
+    def _told_only(self, track: np.ndarray) -> np.ndarray:
+        """Of (k,) TRACK those that say something; the rest is counted and goes nowhere."""
+        if not len(track):
+            return track
+        good = says_something(track)
+        self._senseless += int((~good).sum())
+        return track if good.all() else track[good]
+
+    def _lost(self, rows: np.ndarray, track: np.ndarray) -> bool:
+        """Has there been a state, and none for LOST_NS of measurements? Said once for each such stretch."""
+        if len(track):
+            self._told_ns = int(track["t_ns"][-1])
+        newest_ns = int(rows["t_ns"].max(initial=0))
+        if not self._told_ns or newest_ns - self._told_ns < LOST_NS:
+            return False
+        self._told_ns = 0
+        return True
+
+    def _hand_on(self, step: Step, told: Sequence[Wind | Event] = (), *, failed: bool = False) -> None:
         ids = np.concatenate([*self._judged, self.ledger.judge(step.verdicts)])
         self._judged.clear()
         judged = self.ledger.at(ids)
-        update = Update(step.track, step.smoothed, judged, self.ledger.retire(), self.ledger, told)
+        smoothed = self._told_only(step.smoothed)
+        update = Update(step.track, smoothed, judged, self.ledger.retire(), self.ledger, told, failed)
         for sink in self.sinks:
             sink.take(update)
 
 
-def pace(times: list[np.ndarray]) -> dict:
-    """Rate and gaps of one sensor from its valid times, arrays of int64 ns."""
-    step_s = np.diff(np.unique(np.concatenate([np.empty(0, np.int64), *times]))) / 1e9
-    if not len(step_s):
-        return {"rate_hz": 0.0, "gaps": 0, "longest_gap_s": 0.0}
-    usual_s = float(np.median(step_s))
-    gaps = step_s[step_s > max(GAP * usual_s, GAP_S)]
-    return {"rate_hz": 1.0 / usual_s, "gaps": len(gaps), "longest_gap_s": float(step_s.max())}
+def says_something(track: np.ndarray) -> np.ndarray:
+    """(k,) bool, whether each of (k,) TRACK is a state: numbers, a place that can be, no mere guess."""
+    x, variance = track["x"], np.diagonal(track["P"], axis1=1, axis2=2)
+    finite = np.isfinite(x).all(axis=1) & np.isfinite(track["P"]).all(axis=(1, 2))
+    with np.errstate(invalid="ignore"):
+        known = (variance >= 0.0).all(axis=1) & (variance[:, :3].max(axis=1, initial=0.0) <= GUESS_M**2)
+        possible = ((x >= LOW) & (x <= HIGH)).all(axis=1)
+    return finite & known & possible
 
 
-def _make_estimator(method: str, sensors: list, settings: Settings, correction: Callable):
+def _make_estimator(method: str, sensors: list, settings: Settings, correction: Callable) -> Estimator:
     try:
         return methods.make(method, sensors, settings, correction)
     except ValueError as error:

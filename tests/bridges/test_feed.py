@@ -1,6 +1,9 @@
 """Feeds: every good digit arrives, every damaged one is named, nothing is lost; CSV and UDP alike."""
 
 import random
+import socket
+import sys
+import threading
 from fractions import Fraction
 
 import numpy as np
@@ -252,3 +255,23 @@ def test_a_line_of_twenty_megabytes_travels_clipped(tmp_path):
     assert rows["azimuth_deg"][0] == 12.5
     assert len(bad.raw) <= limits.TEXT
     assert len(bad.reason) <= limits.TEXT
+
+
+@pytest.mark.network
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux counts what its sockets drop")
+def test_every_datagram_of_a_flood_is_a_message_or_counted():
+    """The reader sleeps while 5,000 come, and the socket's buffer holds a part of them."""
+    server = feed._listen("127.0.0.1", 0)
+    server.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 20_000)
+    with server, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        for _ in range(5_000):
+            sender.sendto(b"garbage", server.getsockname())
+        threading.Timer(0.5, sender.sendto, (b"last", server.getsockname())).start()
+        seen = lost = 0
+        for _, raw, missing in feed._datagrams(server, threading.Event()):
+            lost += missing
+            if raw == b"last":
+                break
+            seen += 1
+    assert seen + lost == 5_000
+    assert lost > 0

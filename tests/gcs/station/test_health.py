@@ -3,9 +3,9 @@
 import numpy as np
 
 from filters.models.rows import TRACK
-from gcs.contract.messages import CHANNELS, VERDICTS, Event, Health
+from gcs.contract.messages import CHANNELS, VERDICTS, Event, Health, PartHealth
 from gcs.station.health import Files, Monitor
-from gcs.station.ledger import ENTRY
+from gcs.station.ledger import ENTRY, NO_TIME
 from gcs.station.session import Update
 
 S = 10**9
@@ -14,7 +14,8 @@ S = 10**9
 def update(t_ns: list[int], verdict: str = "used", resets: int = 0, sensor: int = 0) -> Update:
     """One range per time, and the track up to the last."""
     judged = np.zeros(len(t_ns), ENTRY)
-    judged["t_ns"], judged["sensor"], judged["measurement"] = t_ns, sensor, np.arange(len(t_ns))
+    judged["t_ns"], judged["sensor"], judged["measurement"] = t_ns, sensor, np.array(t_ns) // 1000
+    judged["count"] = 1
     judged["channel"], judged["verdict"] = CHANNELS.index("range"), VERDICTS.index(verdict)
     track = np.zeros(1, TRACK)
     track["t_ns"], track["reset_counter"] = t_ns[-1], resets
@@ -35,10 +36,69 @@ def test_rate_and_share_over_ten_seconds():
     assert (health.rows, health.outliers) == (500, 20)
 
 
-def test_a_changed_verdict_is_not_counted_twice():
+class LiveFeeds(Files):
+    """Feeds that come by themselves: what is alive, and how long nothing has come."""
+
+    def __init__(self):
+        self.here, self.quiet_s = {"radar"}, 0.0
+
+    def alive(self, name):
+        return name in self.here
+
+    def idle_s(self):
+        return self.quiet_s
+
+
+def texts(told) -> list[str]:
+    return [message.text for message in told if isinstance(message, Event)]
+
+
+def health(told) -> Health:
+    return [message for message in told if isinstance(message, Health)][-1]
+
+
+def test_a_changed_verdict_is_counted_once_and_as_what_it_is_now():
     monitor = Monitor(["radar"], Files())
-    run(monitor, update([S, 2 * S]), update([S, 2 * S], "isolated"), update([3 * S]))
-    assert monitor._totals["radar"] == [3, 0]
+    told = run(
+        monitor,
+        update([S, 2 * S]),
+        update([S, 2 * S], "isolated"),
+        update([3 * S, 4 * S]),
+        update([S], "used"),
+        update([6 * S]),
+    )
+    radar = health(told).sensors["radar"]
+    assert (radar.rows, radar.outliers) == (5, 1)
+    assert radar.outlier_share == 1 / 5
+
+
+def test_a_verdict_that_changes_after_it_left_the_span_changes_the_total_only():
+    monitor = Monitor(["radar"], Files())
+    told = run(monitor, update([S]), update([20 * S]), update([S], "patch"), update([22 * S]))
+    radar = health(told).sensors["radar"]
+    assert (radar.rows, radar.outliers, radar.outlier_share) == (3, 1, 0.0)
+    run(monitor, *(update([k * S]) for k in range(23, 200)))
+    assert len(monitor._tallies["radar"]._known) < 100  # nothing is kept for good
+
+
+def test_lines_that_were_no_measurement_count_and_give_no_age():
+    monitor = Monitor(["radar"], Files())
+    lines = update([2 * S], "invalid")
+    lines.judged["channel"], lines.judged["count"], lines.judged["t_ns"] = -1, 99, NO_TIME
+    radar = health(run(monitor, update([S]), lines, update([3 * S]))).sensors["radar"]
+    assert (radar.rows, radar.outliers) == (101, 99)
+    assert radar.outlier_share == 99 / 101
+    far = update([10**6 * S], "invalid")
+    far.track["t_ns"] = 4 * S
+    radar = health(run(monitor, far)).sensors["radar"]
+    assert radar.age_s == 1.0  # a stamp from the future makes nobody young
+
+
+def test_the_age_in_a_state_is_that_of_the_newest_measurement_up_to_it():
+    monitor = Monitor(["radar", "theo"], Files())
+    run(monitor, update([S], sensor=1), update([2 * S, 3 * S, 4 * S]))
+    assert monitor.ages_s(4 * S) == {"radar": 0.0, "theo": 3.0}
+    assert monitor.ages_s(3 * S + S // 2) == {"radar": 0.5, "theo": 2.5}
 
 
 def test_silence_return_and_reset_are_told():
@@ -51,5 +111,40 @@ def test_silence_return_and_reset_are_told():
         update([6 * S], sensor=1),
         update([7 * S], resets=1),
     )
-    texts = [message.text for message in told if isinstance(message, Event)]
-    assert texts == ["theo is silent", "theo is back", "filter re-initialised, 1 so far"]
+    assert texts(told) == ["theo is silent", "theo is back", "filter re-initialised, 1 so far"]
+
+
+def test_a_slow_radar_is_not_silent_between_its_scans():
+    monitor = Monitor(["radar", "theo"], Files())
+    scans = [update([4 * k * S]) for k in range(1, 6)]
+    between = [update([20 * S + k * S], sensor=1) for k in range(1, 14)]
+    told = run(monitor, *scans, *between)
+    assert texts(told) == ["radar is silent"]
+    assert next(m for m in told if isinstance(m, Event)).t_ns == 33 * S  # three scans are missing
+
+
+def test_silence_of_all_is_told_although_no_data_come():
+    feeds = LiveFeeds()
+    monitor = Monitor(["radar"], feeds)
+    empty = update([5 * S])._replace(track=np.zeros(0, TRACK), judged=np.zeros(0, ENTRY))
+    told = run(monitor, update([4 * S]), update([5 * S]))
+    feeds.quiet_s, feeds.here = 3.5, set()
+    told += run(monitor, empty)
+    assert texts(told) == ["radar: its bridge is there", "radar: its bridge is gone", "radar is silent"]
+    assert health(told).sensors["radar"].age_s == 3.5
+    assert not health(told).sensors["radar"].alive
+
+
+def test_a_station_that_waits_for_its_first_data_says_so():
+    feeds = LiveFeeds()
+    empty = update([S])._replace(track=np.zeros(0, TRACK), judged=np.zeros(0, ENTRY))
+    told = run(Monitor(["radar"], feeds, lambda: {"mavlink": PartHealth(failures=3)}), empty)
+    assert health(told).sensors["radar"].age_s is None
+    assert health(told).parts["mavlink"].failures == 3
+
+
+def test_a_filter_that_has_lost_the_target_says_so():
+    lost = update([S])._replace(failed=True)
+    assert texts(run(Monitor(["radar"], Files()), lost)) == [
+        "no state: the filter has lost the target, or has failed"
+    ]

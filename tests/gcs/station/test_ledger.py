@@ -129,3 +129,20 @@ def test_a_second_witness_is_heard_in_the_reason_and_changes_no_verdict(intake, 
         "azimuth": {"isolated": 1},
         "elevation": {"used": 1},
     }
+
+
+def test_a_line_that_stands_for_many_counts_as_many(intake, ledger):
+    flood = Bad(source="theo", where="raw/theo", reason="more than 100 a second", count=9_900)
+    intake.enter(intake.bad("theo", [flood]))
+    retired = ledger.retire()
+    assert ledger.reason_texts(retired) == ["raw/theo: 9900 like this: more than 100 a second"]
+    assert ledger.count_table()["theo"] == {"line": {"invalid": 9_900}}
+
+
+def test_remarks_on_single_lines_are_forgotten_with_them(intake, ledger):
+    for number in range(500):
+        bad = Bad(source="theo", where=f"udp 127.0.0.1:9001 #{number}", reason="no JSON object")
+        intake.enter(intake.bad("theo", [bad]))
+        assert ledger.reason_texts(ledger.retire()) == [f"udp 127.0.0.1:9001 #{number}: no JSON object"]
+    assert len(ledger._remarks) <= 2
+    assert len(ledger.reasons) < 20

@@ -1,0 +1,110 @@
+"""A long flight through the live session, faster than real time: what memory, handles and threads it leaves.
+
+INS 35 Hz and three instruments 20 Hz, with record and messages as in a live run, each turn 20 ms of data. The
+table says after each part of the flight what is resident, and at its end which code holds what has grown.
+"""
+
+import os
+import random
+import tempfile
+import threading
+import time
+import tracemalloc
+from pathlib import Path
+
+import numpy as np
+
+from bench.speed import live
+from bench.speed.flood import resident_mb
+from gcs.contract import config, messages
+from gcs.contract.frames import Frame
+from gcs.contract.messages import InsMeasurement, PolarMeasurement
+from gcs.outputs.publish import Publisher
+from gcs.outputs.record import Record
+from gcs.station.health import Files, Monitor
+from gcs.station.session import Session
+
+RATES_HZ = {"ins": 35.0, "theo-north": 20.0, "theo-east": 20.0, "radar-1": 20.0}
+TURN_S = 0.02
+PARTS = 12  # lines of the table
+EAST = """
+[[sensor]]
+name = "theo-east"
+kind = "theodolite"
+position = { lat_deg = -35.3600, lon_deg = 149.1720, alt_m = 600.0 }
+"""
+T0_NS = 1_767_225_600 * 10**9
+
+
+def run(seconds: float, *, trace: bool) -> dict:
+    """Fly and print; gives growth in MB per hour of flight after the first part, handles and threads."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder, "station.toml")
+        file.write_text(live.STATION + EAST)
+        station, frame = config.load(file), Frame(*live.ORIGIN)
+        sink = Publisher(frame, Monitor(list(RATES_HZ), Files()), [_encoded])
+        session = Session(station, frame, [Record(Path(folder, "run"), station, frame), sink])
+        session.supervise()
+        session.estimator.warm_up()
+        before = _handles()
+        if trace:
+            tracemalloc.start()
+        seen, first = [], None
+        for part in range(PARTS):
+            began = time.process_time()
+            _fly(session, seconds / PARTS, part)
+            seen.append((resident_mb(os.getpid()), time.process_time() - began))
+            print(
+                f"{(part + 1) * seconds / PARTS / 60:7.1f} min  {seen[-1][0]:7.1f} MB  "
+                f"{seen[-1][1] / seconds * PARTS:.3f} s of work per second",
+                flush=True,
+            )
+            if trace and part == 0:
+                first = tracemalloc.take_snapshot()
+        if first:
+            _explain(first, seconds * (PARTS - 1) / PARTS)
+        growth = (seen[-1][0] - seen[0][0]) / (seconds * (PARTS - 1) / PARTS) * 3600.0
+        left = tuple(after - b for after, b in zip(_handles(), before, strict=True))
+        print(f"growth {growth:.1f} MB per hour of flight; {left[0]} more handles, {left[1]} more threads")
+        session.finish({})
+    return {"mb_per_hour": growth, "handles": left[0], "threads": left[1]}
+
+
+def _fly(session: Session, seconds: float, part: int) -> None:
+    noise, intake = random.Random(part), session.intake
+    begin_ns = T0_NS + round(part * seconds * 1e9)
+    due = sorted(
+        (begin_ns + round(k / rate * 1e9), name)
+        for name, rate in RATES_HZ.items()
+        for k in range(int(seconds * rate))
+    )
+    ends = begin_ns + (np.arange(1, int(seconds / TURN_S) + 1) * TURN_S * 1e9).astype(np.int64)
+    cuts = np.searchsorted([t_ns for t_ns, _ in due], ends)
+    taken = 0
+    for end_ns, cut in zip(ends.tolist(), cuts.tolist(), strict=True):
+        heard: dict[str, list] = {}
+        for t_ns, name in due[taken:cut]:
+            heard.setdefault(name, []).append(live.measure(name, t_ns, noise))
+        taken = cut
+        for name, found in heard.items():
+            kind = InsMeasurement if name == "ins" else PolarMeasurement
+            measured = messages.to_columns(found, kind)
+            session.enter(intake.ins(measured) if name == "ins" else intake.polar(name, measured), end_ns)
+        session.advance(session.align.due_ns(end_ns))
+
+
+def _encoded(subject: str, message: messages.ANY, source: str) -> None:
+    messages.encode(message)
+
+
+def _handles() -> tuple[int, int]:
+    return len(list(Path("/proc/self/fd").iterdir())), threading.active_count()
+
+
+def _explain(first: tracemalloc.Snapshot, seconds: float) -> None:
+    """Which lines hold what has grown since ``first``, MB per hour."""
+    grown = tracemalloc.take_snapshot().compare_to(first, "lineno")
+    for line in grown[:12]:
+        where = line.traceback[0]
+        name = "/".join(Path(where.filename).parts[-3:])
+        print(f"{line.size_diff / 1e6 / seconds * 3600:8.1f} MB/h  {name}:{where.lineno}")

@@ -1,0 +1,203 @@
+"""Where messages wait for their reader: bounded, a queue and an allowance for each source.
+
+A source that sends more than its rate loses what is beyond it. Where all together are more than the reader
+can take, the one with the most waiting loses its oldest and, while that lasts, some of its rate. So no source
+can push out another. What was lost is counted by source and handed on as `Excess`, once a second.
+"""
+
+import heapq
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterator
+from typing import Any, NamedTuple
+
+from gcs.contract.limits import LARGEST_BYTES
+from gcs.contract.supervision import log
+
+REPORT_S = 1.0  # between two counts of what one source lost
+QUIET_S = 2.0  # without loss for so long, it keeps to its limits again
+SOURCES = 256  # told apart; who comes after them shares one queue, so that invented names cost no memory
+OTHERS = "(others)"
+BEHIND_S = 1.0  # a reader whose oldest item has waited for so long is behind
+PATIENCE_S = 3.0  # it may be a hiccup; behind for so long, it cannot keep up
+WILD_S = 0.1  # both, where a source is beyond its limits
+EASE_S = 10.0  # abreast for so long, it gets more again
+LEAST_SHARE = 1 / 64  # of a source's rate
+SLOW = "faster than it can be taken in"
+
+
+class Excess(NamedTuple):
+    """So many messages of one source are not among those that are handed on."""
+
+    messages: int
+    reason: str
+
+
+class Limits(NamedTuple):
+    """What one source may send: so many a second, and so many seconds' worth of that at once."""
+
+    rate_hz: float = float("inf")
+    burst_s: float = 1.0
+
+
+class _Queue:
+    """What waits of one source, and what it may still send."""
+
+    def __init__(self, limits: Limits):
+        self.waiting: deque[tuple[int, float, str, Any, _Queue]] = deque()  # number, arrival, source, item
+        self.limits, self.share = limits, 1.0  # of its rate, that a reader who is behind lets it have
+        self.allowance, self.since_s = limits.rate_hz * limits.burst_s, time.monotonic()
+        self.lost: dict[str, int] = {}  # reason → messages, not told yet
+        self.lost_s = self.told_s = self.eased_s = -1e9
+        self.over = False
+
+    @property
+    def rate_hz(self) -> float:
+        return self.limits.rate_hz * self.share
+
+    def allows(self, now_s: float) -> bool:
+        """Token bucket: the allowance grows with time, and each message takes one of it."""
+        if self.limits.rate_hz == float("inf"):
+            return True
+        grown = self.allowance + (now_s - self.since_s) * self.rate_hz
+        self.allowance, self.since_s = min(self.rate_hz * self.limits.burst_s, grown), now_s
+        if self.allowance < 1.0:
+            return False
+        self.allowance -= 1.0
+        return True
+
+    def lose(self, reason: str, now_s: float) -> None:
+        self.lost[reason] = self.lost.get(reason, 0) + 1
+        self.lost_s = now_s
+
+
+class Inbox:
+    """See the module's text. ``capacity`` items wait at most; ``limits_of`` gives those of a key's source."""
+
+    def __init__(self, capacity: int, limits_of: Callable[[str], Limits] = lambda _key: Limits()):
+        self.dropped = 0  # because the reader was too slow
+        self.refused = 0  # beyond the rate or the size
+        self._capacity, self._limits_of = capacity, limits_of
+        self._queues: dict[str, _Queue] = {}
+        self._count = self._number = self._kept = 0  # waiting; put so far; last one that was kept for us
+        self._newest_s = self._abreast_s = time.monotonic()
+        self._filled = threading.Condition()
+
+    @property
+    def age_s(self) -> float:
+        """How long the oldest message has waited."""
+        with self._filled:
+            return self._age_s(time.monotonic())
+
+    @property
+    def idle_s(self) -> float:
+        """How long nothing has come."""
+        return time.monotonic() - self._newest_s
+
+    def put(self, source: str, item: Any, size: int, *, kept: bool = False) -> None:
+        """Take one item of ``size`` bytes; one that was ``kept`` for us does not count against the rate."""
+        now_s = time.monotonic()
+        with self._filled:
+            self._newest_s = now_s
+            queue = self._queues.get(source) or self._queue(source)
+            if size > LARGEST_BYTES:
+                self.refused += 1
+                queue.lose(f"more than {LARGEST_BYTES} bytes", now_s)
+            elif not kept and not queue.allows(now_s):
+                self.refused += 1
+                queue.lose(f"more than {queue.rate_hz:g} a second", now_s)
+            else:
+                if self._count == self._capacity:
+                    longest = max(self._queues.values(), key=lambda queue: len(queue.waiting))
+                    self._drop(longest, 1, now_s)
+                self._number += 1
+                self._count += 1
+                self._kept = self._number if kept else self._kept
+                queue.waiting.append((self._number, now_s, source, item, queue))
+            self._filled.notify()
+
+    def take(self, timeout_s: float, most: float = float("inf")) -> list[tuple[str, Any]]:
+        """``(source, item)`` in the order they came, before them what was lost; waits for the first.
+
+        Of what came live ``most`` at once; the rest is for the next call.
+        """
+        with self._filled:
+            self._filled.wait_for(lambda: self._count, timeout_s)
+            now_s = time.monotonic()
+            self._relieve(now_s)
+            told = list(self._losses(now_s))
+            found: list[tuple] = []
+            for waiting in heapq.merge(*(queue.waiting for queue in self._queues.values())):
+                if len(found) >= most and waiting[0] > self._kept:
+                    break
+                found.append(waiting)
+            for *_, queue in found:
+                queue.waiting.popleft()
+            self._count -= len(found)
+        return told + [(source, item) for _, _, source, item, _ in found]
+
+    def leave(self) -> list[tuple[str, Any]]:
+        """At the end: all that was lost and is not told yet, and what still waits as lost too."""
+        with self._filled:
+            for queue in self._queues.values():
+                self._drop(queue, len(queue.waiting), time.monotonic(), "the station was stopped before")
+                queue.told_s = -1e9
+            return list(self._losses(time.monotonic()))
+
+    def _queue(self, source: str) -> _Queue:
+        name = source if len(self._queues) < SOURCES else OTHERS
+        return self._queues.setdefault(name, _Queue(self._limits_of(source)))
+
+    def _age_s(self, now_s: float) -> float:
+        heads = [queue.waiting[0][1] for queue in self._queues.values() if queue.waiting]
+        return now_s - min(heads) if heads else 0.0
+
+    def _drop(self, queue: _Queue, count: int, now_s: float, why: str = SLOW) -> None:
+        for _ in range(count):
+            queue.waiting.popleft()
+            queue.lose(why, now_s)
+        self._count -= count
+        self.dropped += count
+
+    def _relieve(self, now_s: float) -> None:
+        """A reader that stays behind gets less of the noisiest source; once it keeps up, more again.
+
+        While a source is beyond its own limits it is that one, and nobody waits to see whether it passes.
+        """
+        wild = [queue for queue in self._queues.values() if now_s - queue.lost_s < QUIET_S]
+        behind_s, patience_s = (WILD_S, WILD_S) if wild else (BEHIND_S, PATIENCE_S)
+        if self._age_s(now_s) < behind_s:
+            self._abreast_s = now_s
+            for queue in self._queues.values():
+                if queue.share < 1.0 and now_s - queue.eased_s > EASE_S:
+                    queue.share, queue.eased_s = min(1.0, 2.0 * queue.share), now_s
+        elif now_s - self._abreast_s > patience_s:
+            noisiest = max(wild or self._queues.values(), key=_waiting)
+            if noisiest.limits.rate_hz < float("inf"):
+                others = (_waiting(queue) for queue in self._queues.values() if queue is not noisiest)
+                noisiest.share = max(0.5 * noisiest.share, LEAST_SHARE)
+                noisiest.eased_s = self._abreast_s = now_s
+                self._drop(noisiest, max(0, _waiting(noisiest) - max(others, default=0)), now_s)
+
+    def _losses(self, now_s: float) -> Iterator[tuple[str, Excess]]:
+        for name, queue in self._queues.items():
+            if queue.lost and now_s - queue.told_s >= REPORT_S:
+                for reason, count in queue.lost.items():
+                    yield name, Excess(count, reason)
+                if not queue.over:
+                    text = "%s: %s; the rest is refused and counted"
+                    log.warning(text, _short(name), next(iter(queue.lost)))
+                queue.over, queue.told_s, queue.lost = True, now_s, {}
+            elif queue.over and not queue.lost and now_s - queue.lost_s > QUIET_S:
+                queue.over = False
+                log.info("%s keeps to its limits again", _short(name))
+
+
+def _waiting(queue: _Queue) -> int:
+    return len(queue.waiting)
+
+
+def _short(key: str) -> str:
+    """The source in a key, for an operator."""
+    return key.rpartition("/")[2]
