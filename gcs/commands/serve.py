@@ -67,7 +67,8 @@ def serve(
         if shown:
             stack.callback(shown.close)
         say("compiling the filter (once; cached for the next start)")
-        feeds = live.BusFeeds(bus)
+        sensors = ["ins", *(sensor.name for sensor in station.sensor)]
+        feeds = live.BusFeeds(bus, sensors, station.filter.lateness_s)
         session = new_session(station, frame, folder, method, targets(bus, shown), feeds, correction)
         still = scene(station, frame)
         bus.publish("scene", still)

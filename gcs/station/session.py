@@ -87,8 +87,8 @@ class Session:
         """Take (n,) AIR in."""
         self.air.enter(samples)
 
-    def advance(self, upto_ns: int) -> None:
-        """One turn of the loop, over everything valid up to ``upto_ns``."""
+    def advance(self, upto_ns: int, events: Sequence[Event] = ()) -> None:
+        """One turn of the loop, over everything valid up to ``upto_ns``; the source's ``events`` go along."""
         rows, repeats = self.align.release(upto_ns)  # one time-ordered stream
         for sensor, times in enumerate(self._times):
             times.append(rows["t_ns"][rows["sensor"] == sensor])
@@ -100,7 +100,7 @@ class Session:
         self.ledger.doubt(rows["id"][self.witness.doubts(rows)])  # each channel by itself
         step = self.estimator.step(rows)  # state and verdicts
         track, told = self.air.step(step.track, upto_ns)  # wind, or dead reckoning
-        self._hand_on(step._replace(track=track), told)
+        self._hand_on(step._replace(track=track), [*told, *events])
 
     def finish(self, about: dict) -> dict:
         """Take in what still waits, make every verdict final, and give each sink the summary.

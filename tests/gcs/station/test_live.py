@@ -77,8 +77,8 @@ def play_live(station, flight, folder) -> tuple[Best, list, dict]:
     best, stop = Best(), threading.Event()
     endpoint = station.bus.endpoint
     with Bus.open("demo", "uav1", endpoint=endpoint) as bus:
-        feeds = live.BusFeeds(bus)
         names = ["ins", *FEEDS]
+        feeds = live.BusFeeds(bus, names, station.filter.lateness_s)
         publisher = Publisher(flight.frame, Monitor(names, feeds), [bus.publish])
         session = Session(station, flight.frame, [best, publisher, Record(folder, station, flight.frame)])
         session.estimator.warm_up()
