@@ -25,7 +25,6 @@ WRAP_GUARD_MS = 600_000
 STAMP_TOLERANCE_US = 1_000_000  # links interleave; a stamp further outside its neighbours is damaged
 MAX_DELAY_NS = 10 * S  # nothing is received later than this, nor before it was sent
 BLOCK_NS = 10 * S  # the envelope is drawn through one low point per block
-LIVE_DRIFT = 1e-4  # live, the least delay may grow so fast: crystals drift, a link that stalls must not count
 MAX_DRIFT = 5e-3  # ceramic resonators stay within 0.5 %; a steeper line says the stamps are not receipt times
 
 
@@ -156,49 +155,3 @@ def _median_of_three(values, i):
         return values[i]
     a, b, c = values[i], values[i + 1], values[i + 2]
     return max(min(a, b), min(max(a, b), c))
-
-
-class LiveClock:
-    """The same, drawn while the messages come in: SYSTEM_TIME once it is set, the least delay until then."""
-
-    def __init__(self) -> None:
-        self._restart(0)
-
-    def _restart(self, boot_ms: int) -> None:
-        self._boot_ms = boot_ms
-        self._turns = 0
-        self._known: list[int] = [0, 0]  # SYSTEM_TIME offset: mean in ns, messages in it
-        self._least: tuple[int, int] | None = None  # smallest receipt − boot time in ns, and its boot time
-
-    def boot_ns(self, boot_ms: int, receipt_ns: int) -> tuple[int, bool]:
-        """(boot time in ns with the wrap taken out, has the vehicle restarted) for a message received now."""
-        wrapped = self._boot_ms > WRAP_MS - WRAP_GUARD_MS and boot_ms < WRAP_GUARD_MS
-        restarted = not wrapped and boot_ms < self._boot_ms - RESTART_MS
-        if restarted:
-            self._restart(boot_ms)
-        self._turns += wrapped
-        self._boot_ms = boot_ms
-        boot_ns = (boot_ms + self._turns * WRAP_MS) * MS
-        delay = receipt_ns - boot_ns
-        if self._least is None or delay < self._floor(boot_ns):
-            self._least = delay, boot_ns
-        return boot_ns, restarted
-
-    def _floor(self, boot_ns: int) -> int:
-        least, since_ns = self._least or (0, boot_ns)
-        return least + int(LIVE_DRIFT * (boot_ns - since_ns))
-
-    def system_time(self, unix_us: int, boot_ns: int) -> None:
-        """Take in a SYSTEM_TIME: not set yet or impossible, it is passed over; set anew, it starts over."""
-        if not FIRST_UNIX_US <= unix_us < LAST_UNIX_US:
-            return
-        offset = unix_us * US - boot_ns
-        mean, count = self._known
-        if not count or abs(offset - mean) > AGREE_NS:
-            mean, count = offset, 0
-        self._known = [mean + (offset - mean) // (count + 1), count + 1]
-
-    def utc_ns(self, boot_ns: int) -> int:
-        """UTC ns of a boot time in ns."""
-        mean, count = self._known
-        return boot_ns + (mean if count else self._floor(boot_ns))
