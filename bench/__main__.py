@@ -80,6 +80,20 @@ def replay(
 
 
 @app.command
+def clocks(
+    log: Path | None = None,
+    truth: Path | None = None,
+    *,
+    liar: Annotated[tuple[str, ...], Several] = (),
+    seconds: float = 60.0,
+) -> None:
+    """One source that lies about time, live and in replay: what it costs, and when it is back."""
+    from bench.speed import clocks as asked
+
+    asked.run(log, truth, liar, seconds)
+
+
+@app.command
 def tlog(*flights: Annotated[Path, Parameter(help="the sample flight by default")]) -> None:
     """The log reader beside pymavlink: speed."""
     from bench.speed import tlog as asked
