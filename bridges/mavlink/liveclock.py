@@ -12,6 +12,7 @@ Boot time is monotonic and the better clock; SYSTEM_TIME says once what it is in
 from bridges.mavlink.flightclock import (
     AGREE_NS,
     FIRST_UNIX_US,
+    GONE_MS,
     LAST_UNIX_US,
     LEAP_MS,
     MS,
@@ -25,7 +26,6 @@ from bridges.mavlink.flightclock import (
 DRIFT = 1e-4  # the least delay may grow so fast: crystals drift, a link that stalls must not count
 MEMORY = 64  # SYSTEM_TIMEs in the mean: a minute at one a second, so that a drift of the crystal is followed
 QUIET_MS = 1_000  # no autopilot boots in less, and none that flies says nothing for so long
-GONE_MS = 10_000  # once two have spoken with one id, the other one is taken after such a silence of the first
 AGAIN_NS = 60 * S  # a state of affairs that lasts is told again after so long
 
 
