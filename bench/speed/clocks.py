@@ -3,7 +3,7 @@
     python -m bench clocks                               the sample flight
     python -m bench clocks FLIGHT.tlog TRUTH.csv.gz      a recorded one, its feeds simulated from the truth
 
-``error``  RMS of the newest position while the source lies, over that of the same station without the source
+``error``  RMS of the newest position while the source lies, over that of the same flight with it silent then
 ``after``  the same in the ten seconds after it tells the truth again
 ``back``   seconds until a value of it is used again; ``events``: what an operator is told, live
 
@@ -144,13 +144,17 @@ def cut(flown: FlownAndSeen, begin_s: float, seconds: float) -> FlownAndSeen:
     ))  # fmt: skip
 
 
-def without(flown: FlownAndSeen, name: str) -> FlownAndSeen:
-    """The same flight, never watched by this source."""
+def without(flown: FlownAndSeen, span: Span) -> FlownAndSeen:
+    """The same flight with this source silent while it would lie."""
     flight = flown.flight
-    if name == "ins":
-        return flown._replace(flight=flight._replace(ins=flight.ins[:0], air=flight.air[:0]))
-    feeds = {other: rows for other, rows in flight.feeds.items() if other != name}
-    return flown._replace(station=replay.heard(flown.station, feeds), flight=flight._replace(feeds=feeds))
+
+    def silent(rows: np.ndarray) -> np.ndarray:
+        return rows[(rows["t_ns"] < span.begin_ns) | (rows["t_ns"] >= span.end_ns)]
+
+    if span.liar == "ins":
+        return flown._replace(flight=flight._replace(ins=silent(flight.ins), air=silent(flight.air)))
+    feeds = flight.feeds | {span.liar: (silent(flight.feeds[span.liar][0]), [])}
+    return flown._replace(flight=flight._replace(feeds=feeds))
 
 
 def lying(flown: FlownAndSeen, span: Span, lie: Lie) -> FlownAndSeen:
@@ -174,8 +178,10 @@ def run_replay(flown: FlownAndSeen) -> Watch:
     """All of it through a session, as after a flight."""
     watch = Watch()
     session = Session(flown.station, flown.flight.frame, [watch])
-    session.enter(replay.batch(flown.flight, session.intake))
+    whole, events = replay.batch_and_events(flown.flight, session.intake)
+    session.enter(whole)
     session.enter_air(flown.flight.air)
+    session.advance(flown.flight.end_ns, events)
     session.finish({})
     return watch
 
@@ -238,12 +244,14 @@ def run(log: Path | None, truth: Path | None, liars: Sequence[str], seconds: flo
     spans = {"a while": (begin_ns + third, begin_ns + 2 * third), "all along": (begin_ns, end_ns)}
     print(f"{'liar':<12}{'lie':<16}{'how long':<12}{'':<8}{'error':>7}{'after':>7}{'back s':>8}  events")
     for liar in liars or ("ins", *flown.flight.feeds):
-        alone = without(flown, liar)
-        for way, follow in (("live", lambda lied: run_live(lied, flown)), ("replay", run_replay)):
-            theirs = run_live(alone, alone) if way == "live" else run_replay(alone)
-            for (name, lie), (long, when) in itertools.product(LIES.items(), spans.items()):
-                span = Span(liar, *when)
-                got = tell(flown, span, follow(lying(flown, span, lie)), theirs)
+        for (long, when), way in itertools.product(spans.items(), ("live", "replay")):
+            span = Span(liar, *when)
+            silent = without(flown, span)
+            theirs = run_live(silent, silent) if way == "live" else run_replay(silent)
+            for name, lie in LIES.items():
+                lied = lying(flown, span, lie)
+                ours = run_live(lied, flown) if way == "live" else run_replay(lied)
+                got = tell(flown, span, ours, theirs)
                 said = sum(text.startswith(liar) for text in got.events)
                 figures = f"{got.error:7.2f}{got.after:7.2f}{got.back_s:8.2f}  {said}"
                 print(f"{liar:<12}{name:<16}{long:<12}{way:<8}{figures}", flush=True)
