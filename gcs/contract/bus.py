@@ -20,17 +20,18 @@ Samples carry no Zenoh time; times are in the payload. This is the only file tha
 
 import json
 import re
-import threading
 import time
-from collections import deque
+from collections import Counter
 from collections.abc import Callable
+from functools import partial
 
-import msgspec
 import zenoh
 from zenoh import ext
 
 from gcs.contract.config import BusSection
-from gcs.contract.messages import ANY, JSON, Bad, InputError, decode, encode
+from gcs.contract.holders import Holders
+from gcs.contract.messages import ANY, JSON, InputError, encode
+from gcs.contract.subscription import Subscription
 
 ENDPOINT = BusSection().endpoint
 KEEP = 2_000  # samples each key keeps for late joiners and recovery: 20 s at 100 Hz
@@ -40,81 +41,10 @@ STALL_US = 1_000_000  # a reader that takes nothing for so long is cut off, so t
 BLOCK = zenoh.CongestionControl.BLOCK  # the default drops samples of a burst
 RETRY_S = 0.25  # between attempts to reach a router that is not there
 RETURN_S = 3 * RETRY_S  # a new router waits so long for the clients of the one before, who hold its history
-NOT_OURS = (msgspec.DecodeError, UnicodeDecodeError, RecursionError)  # all that decoding strange bytes raises
 
 
 class BusError(InputError):
     """The bus cannot be used; one line that says why and what to do."""
-
-
-class Subscription:
-    """A bounded queue of samples: the newest ``capacity`` wait here until drained, older ones are counted."""
-
-    def __init__(self, capacity: int):
-        self.dropped = 0  # messages lost because the queue was full
-        self.undecodable = 0  # payloads that are none of ours
-        self.missed = 0  # messages lost on the way and no longer kept by their publisher
-        self._queue: deque[tuple[float, zenoh.Sample]] = deque(maxlen=capacity)
-        self._early: list[zenoh.Sample] | None = []  # live samples that wait for the history
-        self._newest: dict[tuple, int] = {}  # last sample number taken from each publisher
-        self._filled = threading.Condition()
-
-    @property
-    def age_s(self) -> float:
-        """How long the oldest queued message has waited, for health only (monotonic clock)."""
-        with self._filled:
-            return time.monotonic() - self._queue[0][0] if self._queue else 0.0
-
-    def drain(self, timeout_s: float = 0.1) -> list[tuple[str, ANY]]:
-        """All queued ``(source, message)`` in arrival order; waits at most ``timeout_s`` for the first.
-
-        A payload on ``raw/*`` that is none of ours comes out as ``Bad``, so that it gets its verdict;
-        on other keys it is only counted.
-        """
-        with self._filled:
-            self._filled.wait_for(lambda: self._queue, timeout_s)
-            samples = list(self._queue)
-            self._queue.clear()
-        return [pair for _, sample in samples if (pair := self._decode(sample))]
-
-    def _push(self, sample: zenoh.Sample) -> None:
-        # Zenoh's thread: a slow callback would stall every key of the session, so nothing else happens here.
-        with self._filled:
-            if self._early is None:
-                self._take(sample)
-            else:
-                self._early.append(sample)
-
-    def _begin(self, history: list[zenoh.Sample]) -> None:
-        with self._filled:
-            for sample in history + (self._early or []):
-                self._take(sample)
-            self._early = None
-
-    def _take(self, sample: zenoh.Sample) -> None:
-        if info := sample.source_info:  # a plain publisher's samples have none
-            publisher = info.source_id.zid, info.source_id.eid
-            if info.source_sn <= self._newest.get(publisher, -1):
-                return  # came with the history
-            self._newest[publisher] = info.source_sn
-        self.dropped += len(self._queue) == self._queue.maxlen
-        self._queue.append((time.monotonic(), sample))
-        self._filled.notify()
-
-    def _count_miss(self, miss: ext.Miss) -> None:
-        self.missed += miss.nb
-
-    def _decode(self, sample: zenoh.Sample) -> tuple[str, ANY] | None:
-        key, payload = str(sample.key_expr), sample.payload.to_bytes()
-        _, _, subject, source = (key + "/").split("/")[:4]
-        try:
-            return source, decode(payload, str(sample.encoding))
-        except NOT_OURS as error:
-            self.undecodable += 1
-            if subject != "raw":
-                return None
-            clipped = payload[:200].decode(errors="replace")
-            return source, Bad(source=source, where=key, reason=str(error), raw=clipped)
 
 
 class Bus:
@@ -195,7 +125,11 @@ class Bus:
                 subscription._push,
                 recovery=ext.RecoveryConfig(heartbeat=True, periodic_queries=None),
             )
-            self._held += [subscriber, subscriber.sample_miss_listener(subscription._count_miss)]
+            self._held += [
+                subscriber,
+                subscriber.sample_miss_listener(subscription._count_miss),
+                subscriber.detect_publishers(partial(_on_publisher, subscription.holders), history=False),
+            ]
         subscription._begin([s for subject in subjects for s in self._history(f"{self._prefix}/{subject}")])
         return subscription
 
@@ -214,6 +148,18 @@ class Bus:
             timeout=LEASE_MS / 1e3,
         )
         return list(replies)
+
+    def claim(self, *subjects: str) -> Counter[str]:
+        """Watch ``subjects`` that nobody else should write; counts what others put there, by their id."""
+        others: Counter[str] = Counter()
+
+        def heard(sample: zenoh.Sample) -> None:
+            others[str(sample.source_info.source_id.zid) if sample.source_info else "unknown"] += 1
+
+        for key in (f"{self._prefix}/{subject}" for subject in subjects):
+            remote = zenoh.Locality.REMOTE
+            self._held.append(self._session.declare_subscriber(key, heard, allowed_origin=remote))
+        return others
 
     def declare_alive(self, source: str) -> None:
         """Hold the liveliness token of ``source`` until this bus closes or its process dies."""
@@ -250,6 +196,14 @@ class Bus:
     def _on_liveliness(self, sample: zenoh.Sample) -> None:
         source = str(sample.key_expr).rsplit("/", 1)[1]
         (self._alive.add if sample.kind == zenoh.SampleKind.PUT else self._alive.discard)(source)
+
+
+def _on_publisher(holders: Holders, sample: zenoh.Sample) -> None:
+    """Its token's key: ``KEY/@adv/pub/ZID/EID/_``."""
+    if sample.kind == zenoh.SampleKind.DELETE:
+        key, _, rest = str(sample.key_expr).partition("/@adv/pub/")
+        zid, eid = rest.split("/")[:2]
+        holders.left(key, (zid, int(eid)))
 
 
 def _name(name: str) -> str:

@@ -15,6 +15,7 @@ from gcs.station.session import Session
 
 SETTLE_S = 1.0  # a restarted station is given what the bridges kept; all of it, before the first row goes in
 POLL_S = 0.01  # how long one turn waits for the first measurement; also how often a hold can run out
+STRANGERS = 50  # unknown names that are counted apart
 
 
 class Arrivals:
@@ -24,18 +25,20 @@ class Arrivals:
         self.clock = FlightClock(sensors, lateness_s)
         self.waiting: list[tuple[int, str, list[ANY]]] = []  # (arrival, source, messages) of past turns
         self.strangers: Counter = Counter()
-        self._told: list[tuple[str, str]] = []
+        self.told: list[tuple[str, str]] = []  # (level, text) since the last turn
 
     def stranger(self, name: str, messages: int) -> None:
         """Count what a source has sent that the station file does not name; the first is told."""
+        if len(self.strangers) >= STRANGERS and name not in self.strangers:
+            name = "others"
         if name not in self.strangers:
             text = f"{name}: no sensor of that name in the station file; what it sends is counted, not used"
-            self._told.append(("warning", text))
+            self.told.append(("warning", text))
         self.strangers[name] += messages
 
     def events(self) -> list[Event]:
-        """What an operator should know since the last call."""
-        told, self._told = self._told + self.clock.told, []
+        """What an operator should know since the last call, at the flight's time."""
+        told, self.told = self.told + self.clock.told, []
         self.clock.told = []
         return [Event(t_ns=self.clock.now_ns, level=level, text=text) for level, text in told]
 
@@ -47,6 +50,16 @@ class BusFeeds(Arrivals):
         super().__init__(sensors, lateness_s)
         self._bus = bus
         self.incoming = bus.subscribe("raw/*")
+        self._others, self._other = bus.claim("state", "smoothed"), set[str]()
+
+    def events(self) -> list[Event]:
+        while self.incoming.holders.told:
+            self.told.append(self.incoming.holders.told.pop(0))
+        for other in set(tuple(self._others)) - self._other:  # Zenoh's thread adds to it
+            self._other.add(other)
+            who = f"Zenoh id {other} publishes the state on this bus, too"
+            self.told.append(("error", f"{who}: another station, or a forgery; end it"))
+        return super().events()
 
     def latency_s(self, name: str) -> float:
         return self.clock.latency_s(name)
@@ -65,7 +78,9 @@ def run(session: Session, feeds: BusFeeds, stop: threading.Event) -> dict:
     while not stop.is_set():
         turn(session, feeds, feeds.incoming.drain(POLL_S), now_ns())
     queue = feeds.incoming
+    others = sum(queue.holders.refused.values())
     lost = {"queue_full": queue.dropped, "on_the_way": queue.missed, "undecodable": queue.undecodable}
+    lost |= {"second_publisher": others}
     return finish(session, feeds, {"bus": lost})
 
 
@@ -85,7 +100,7 @@ def turn(session: Session, feeds: Arrivals, arrived: list[tuple[str, ANY]], arri
         feeds.waiting.append((arrival_ns, name, found))
     if feeds.clock.settle(arrival_ns):
         _enter_waiting(session, feeds)
-        session.advance(session.align.due_ns(arrival_ns), feeds.events())
+    session.advance(session.align.due_ns(arrival_ns), feeds.events())
 
 
 def finish(session: Session, feeds: Arrivals, about: dict) -> dict:
