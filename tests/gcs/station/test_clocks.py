@@ -124,6 +124,18 @@ def test_of_two_that_disagree_the_station_decides():
     assert "of sources that all differ the nearest" in apart.told[0][1]
 
 
+@pytest.mark.parametrize("rate", [0.01, -0.01])
+@pytest.mark.parametrize("station_s", [0.0, 3600.0])
+def test_a_clock_that_drifts_is_refused_after_some_seconds_and_back_within_two(rate, station_s):
+    drift = lambda t_s: np.where((t_s >= 10.0) & (t_s < 30.0), rate * (t_s - 10.0), 0.0)  # noqa: E731
+    played = Played(45.0, station_s=station_s, theo_a=drift)
+    assert played.refused("theo-a", 0.0, 10.0) == 0.0
+    assert played.refused("theo-a", 21.0, 30.0) == 1.0
+    assert played.refused("theo-a", 32.0) == 0.0
+    assert all(played.refused(name) == 0.0 for name in ("ins", "theo-b", "radar"))
+    assert any("and drifts: refused" in text for _, text in played.told)
+
+
 @pytest.mark.parametrize("off_s", [0.2, -0.2, -0.7])
 def test_a_small_offset_or_a_delay_is_the_estimators(off_s):
     played = Played(20.0, theo_a=since(5.0, off_s))

@@ -94,7 +94,7 @@ def test_many_unknown_names_are_bounded(station_side):
 
 
 def test_what_waits_for_a_clock_at_the_end_has_a_verdict(station_side):
-    sink, session, feeds = station_side
+    _, session, feeds = station_side
     now_ns = 1_767_225_600 * S
     torn = Bad(source="theo-north", where="udp #1", reason="torn")
     arrived = [("theo-north", m) for m in shots(now_ns - 86_400 * S, 2)] + [("theo-north", torn)]
