@@ -94,6 +94,14 @@ def clocks(
 
 
 @app.command
+def links(*flights: Path, seconds: float | None = None, system_id: int | None = None) -> None:
+    """Logs both ways: read after the flight, and message by message as a live link; what differs."""
+    from bench.speed import links as asked
+
+    asked.run(flights, seconds, system_id)
+
+
+@app.command
 def tlog(*flights: Annotated[Path, Parameter(help="the sample flight by default")]) -> None:
     """The log reader beside pymavlink: speed."""
     from bench.speed import tlog as asked
