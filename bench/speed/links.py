@@ -3,8 +3,8 @@
     python -m bench links FLIGHT.tlog ...
 
 Live is the decoder of the link and the station's turns, at the log's receipt stamps, with no socket between.
-For each log: values that came in and their verdicts, both ways, and how far the best estimates are apart where
-both have one. What may differ, and why:
+For each log: values that came in and their verdicts, both ways, and how far the best estimates are apart
+where both have one. What may differ, and why:
 
     clock     a log knows all SYSTEM_TIMEs of a boot, a link the last minute's; without any, a link learns the
               least delay while it goes, and begins 10 s later

@@ -135,8 +135,8 @@ def _enter(session: Session, name: str, measured: np.ndarray, feeds: Arrivals, a
     session.enter(batch, arrival_ns)
 
 
-def _kind(name: str) -> type:
-    return {"ins": InsMeasurement, "air": AirData}.get(name, PolarMeasurement)
+def _kind(name: str) -> type[InsMeasurement | AirData | PolarMeasurement]:
+    return InsMeasurement if name == "ins" else AirData if name == "air" else PolarMeasurement
 
 
 def _no_measurement(name: str, message: ANY) -> Bad:
