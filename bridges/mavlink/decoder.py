@@ -15,7 +15,7 @@ from gcs.contract.limits import TEXT
 from gcs.contract.messages import AirData, Bad, InsMeasurement
 
 CLIP = 32  # bytes of a damaged frame shown
-CLIMBS = 100  # positions after which the sign of the climb rate is looked at again
+CLIMBS = 100  # positions, the newest, from which the sign of the climb rate is told
 PATIENCE_NS = 10 * S  # from the first position on, so long it waits for a SYSTEM_TIME: some send one in 5 s
 WAITING = 5_000  # messages that wait at most, the newest: 10 s of a fast link
 AUTOPILOT = 1  # MAV_COMP_ID_AUTOPILOT1, the component listened to until a HEARTBEAT came
@@ -40,7 +40,7 @@ class Decoder:
         self._forces: dict[str, list[np.ndarray]] = {}  # first samples of each IMU message
         self._pitot = self._fixed_wing = False
         self._own_wind = np.nan, np.nan  # east, north m/s
-        self._climbs: list[tuple[int, float, float]] = []  # t ns, height m, climb rate m/s
+        self._climbs: deque[tuple[int, float, float]] = deque(maxlen=CLIMBS)  # t ns, height m, climb m/s
         self._turned = False  # is the climb rate sent with the wrong sign?
         self._restart()
 
@@ -202,9 +202,8 @@ class Decoder:
         values = autopilot.position_velocity(*place, message.vx, message.vy, message.vz)
         lat_deg, lon_deg, alt_msl_m, ve_mps, vn_mps, vu_mps = values
         self._climbs.append((t_ns, alt_msl_m, vu_mps))
-        if not self._turned and len(self._climbs) == CLIMBS:
+        if not self._turned and abs(vu_mps) > autopilot.CLIMB_MPS:
             self._turned = autopilot.vz_is_upward(*map(np.array, zip(*self._climbs, strict=True)))
-            self._climbs.clear()
         vu_mps = -vu_mps if self._turned else vu_mps
         self._placed = True
         return InsMeasurement(
