@@ -116,6 +116,28 @@ def replay(
 
 
 @app.command
+def clocks(
+    log: Path | None = None,
+    truth: Path | None = None,
+    *,
+    liar: Annotated[tuple[str, ...], Several] = (),
+    seconds: float = 60.0,
+) -> None:
+    """One source that lies about time, live and in replay: what it costs, and when it is back."""
+    from bench.speed import clocks as asked
+
+    asked.run(log, truth, liar, seconds)
+
+
+@app.command
+def links(*flights: Path, seconds: float | None = None, system_id: int | None = None) -> None:
+    """Logs both ways: read after the flight, and message by message as a live link; what differs."""
+    from bench.speed import links as asked
+
+    asked.run(flights, seconds, system_id)
+
+
+@app.command
 def tlog(*flights: Annotated[Path, Parameter(help="the sample flight by default")]) -> None:
     """The log reader beside pymavlink: speed."""
     from bench.speed import tlog as asked

@@ -17,15 +17,16 @@ from gcs.contract.limits import LAST_NS
 MS, US, S = 1_000_000, 1_000, 1_000_000_000  # in nanoseconds
 FIRST_UNIX_US = 1_262_304_000_000_000  # 2010-01-01: an earlier SYSTEM_TIME was never set by a receiver
 LAST_UNIX_US = LAST_NS // US  # 2100: a later one is a fault, and may be no int64
-AGREE_NS = 1 * S  # SYSTEM_TIMEs of one boot this far from their median were sent before the clock was set
+AGREE_NS = 1 * S  # SYSTEM_TIMEs of one boot further apart were sent before the clock was set, or it jumped
 RESTART_MS = 3_000  # boot time going back by more is a restart; less is two links out of step
 LEAP_MS = 10_000  # boot time leaping ahead by more, and receipt not with it, is another log appended
+TAKE_TURNS, FEW = 8, 50  # so many restarts, every few messages: two vehicles with one system id
+GONE_MS = 10_000  # … of which the second is taken after such a silence of the first
 WRAP_MS = 1 << 32  # time_boot_ms is 32 bits: 49.7 days
 WRAP_GUARD_MS = 600_000
 STAMP_TOLERANCE_US = 1_000_000  # links interleave; a stamp further outside its neighbours is damaged
 MAX_DELAY_NS = 10 * S  # nothing is received later than this, nor before it was sent
 BLOCK_NS = 10 * S  # the envelope is drawn through one low point per block
-LIVE_DRIFT = 1e-4  # live, the least delay may grow so fast: crystals drift, a link that stalls must not count
 MAX_DRIFT = 5e-3  # ceramic resonators stay within 0.5 %; a steeper line says the stamps are not receipt times
 
 
@@ -39,6 +40,7 @@ class Boot(NamedTuple):
     source: str  # "SYSTEM_TIME" | "receipt"
     offset_ns: int  # UTC minus boot time, at boot time zero
     drift: float  # growth of that offset per unit of boot time
+    jumps: int = 0  # SYSTEM_TIMEs that contradict it
 
 
 def to_utc(boot: Boot, boot_ns: np.ndarray) -> np.ndarray:
@@ -62,15 +64,51 @@ def restarts(boot_ms: np.ndarray, receipt_us: np.ndarray) -> tuple[np.ndarray, n
     return starts, boot_ms + turns * WRAP_MS
 
 
-def from_system_time(unix_us: np.ndarray, boot_ns: np.ndarray) -> int | None:
-    """UTC minus boot time in ns from one boot's SYSTEM_TIME messages, None where none was set."""
+def interleaved(boot_ms: np.ndarray, receipt_us: np.ndarray) -> np.ndarray:
+    """(n,) bool: messages of a second vehicle with the same system id, among (n,) of both in arrival order.
+
+    Two boot clocks that take turns look like a restart every few messages, which no vehicle does. Then the
+    one that was there first is followed: what goes back, or ahead of receipt, is the other's.
+    """
+    starts, _ = restarts(boot_ms, receipt_us)
+    if len(starts) < TAKE_TURNS or len(boot_ms) / len(starts) > FEW:
+        return np.zeros(len(boot_ms), bool)
+    return _not_followed(boot_ms, receipt_us // 1000)
+
+
+@njit(cache=True)
+def _not_followed(boot_ms, receipt_ms):
+    other = np.zeros(boot_ms.size, np.bool_)
+    last = 0
+    for i in range(1, boot_ms.size):
+        step = boot_ms[i] - boot_ms[last]
+        wrapped = boot_ms[last] > WRAP_MS - WRAP_GUARD_MS and boot_ms[i] < WRAP_GUARD_MS
+        ahead = step - max(receipt_ms[i] - receipt_ms[last], 0) > RESTART_MS
+        if not wrapped and (step < -RESTART_MS or ahead):
+            other[i] = abs(receipt_ms[i] - receipt_ms[last]) < GONE_MS
+        if not other[i]:
+            last = i
+    return other
+
+
+def from_system_time(
+    unix_us: np.ndarray, boot_ns: np.ndarray, received_ns: np.ndarray
+) -> tuple[int | None, int]:
+    """(UTC minus boot time in ns, how many SYSTEM_TIMEs contradict it) of one boot, (n,) int64 each.
+
+    Where SYSTEM_TIME jumps against boot time, the offset that the receiver's clock agrees with is kept, else
+    that of most messages. None where none was set.
+    """
     is_set = (unix_us >= FIRST_UNIX_US) & (unix_us < LAST_UNIX_US)
     if not is_set.any():
-        return None
+        return None, 0
     offset = unix_us[is_set].astype(np.int64) * US - boot_ns[is_set]
-    spread = offset - offset[-1]
-    near = spread[np.abs(spread - np.median(spread)) <= AGREE_NS]
-    return int(offset[-1]) + int(near.mean())
+    delay = np.sort(received_ns[is_set] - boot_ns[is_set])[np.count_nonzero(is_set) // 2]
+    ordered = np.sort(offset)
+    groups = np.split(ordered, np.flatnonzero(np.diff(ordered) > AGREE_NS) + 1)
+    kept = max(groups, key=lambda group: (abs(group[len(group) // 2] - delay) <= AGREE_NS, len(group)))
+    near = kept - kept[0]
+    return int(kept[0]) + int(near.mean()), len(offset) - len(kept)
 
 
 def lower_envelope(sent_ns: np.ndarray, received_ns: np.ndarray) -> tuple[int, float]:
@@ -128,8 +166,8 @@ def _lower_hull(x, y):
 def repair_stamps(receipt_us):
     """(repaired, dropped): each stamp that cannot be true replaced by the one before it, and how many.
 
-    A stamp must lie between the median of the three before it and of the three after it. That finds damaged
-    ones and lets the jumps through where logs were joined.
+    A stamp must be before 2100, and lie between the median of the three before it and of the three after it.
+    That finds damaged ones and lets the jumps through where logs were joined.
     """
     n = receipt_us.size
     out = receipt_us.copy()
@@ -138,7 +176,7 @@ def repair_stamps(receipt_us):
         before = _median_of_three(receipt_us, max(i - 3, 0)) if i else receipt_us[i]
         after = _median_of_three(receipt_us, min(i + 1, n - 3)) if i < n - 1 else receipt_us[i]
         low, high = min(before, after) - STAMP_TOLERANCE_US, max(before, after) + STAMP_TOLERANCE_US
-        if receipt_us[i] < 0 or (n >= 4 and not low <= receipt_us[i] <= high):
+        if not 0 <= receipt_us[i] < LAST_UNIX_US or (n >= 4 and not low <= receipt_us[i] <= high):
             out[i] = -1
             dropped += 1
     believed = out[out >= 0]
@@ -156,49 +194,3 @@ def _median_of_three(values, i):
         return values[i]
     a, b, c = values[i], values[i + 1], values[i + 2]
     return max(min(a, b), min(max(a, b), c))
-
-
-class LiveClock:
-    """The same, drawn while the messages come in: SYSTEM_TIME once it is set, the least delay until then."""
-
-    def __init__(self) -> None:
-        self._restart(0)
-
-    def _restart(self, boot_ms: int) -> None:
-        self._boot_ms = boot_ms
-        self._turns = 0
-        self._known: list[int] = [0, 0]  # SYSTEM_TIME offset: mean in ns, messages in it
-        self._least: tuple[int, int] | None = None  # smallest receipt − boot time in ns, and its boot time
-
-    def boot_ns(self, boot_ms: int, receipt_ns: int) -> tuple[int, bool]:
-        """(boot time in ns with the wrap taken out, has the vehicle restarted) for a message received now."""
-        wrapped = self._boot_ms > WRAP_MS - WRAP_GUARD_MS and boot_ms < WRAP_GUARD_MS
-        restarted = not wrapped and boot_ms < self._boot_ms - RESTART_MS
-        if restarted:
-            self._restart(boot_ms)
-        self._turns += wrapped
-        self._boot_ms = boot_ms
-        boot_ns = (boot_ms + self._turns * WRAP_MS) * MS
-        delay = receipt_ns - boot_ns
-        if self._least is None or delay < self._floor(boot_ns):
-            self._least = delay, boot_ns
-        return boot_ns, restarted
-
-    def _floor(self, boot_ns: int) -> int:
-        least, since_ns = self._least or (0, boot_ns)
-        return least + int(LIVE_DRIFT * (boot_ns - since_ns))
-
-    def system_time(self, unix_us: int, boot_ns: int) -> None:
-        """Take in a SYSTEM_TIME: not set yet or impossible, it is passed over; set anew, it starts over."""
-        if not FIRST_UNIX_US <= unix_us < LAST_UNIX_US:
-            return
-        offset = unix_us * US - boot_ns
-        mean, count = self._known
-        if not count or abs(offset - mean) > AGREE_NS:
-            mean, count = offset, 0
-        self._known = [mean + (offset - mean) // (count + 1), count + 1]
-
-    def utc_ns(self, boot_ns: int) -> int:
-        """UTC ns of a boot time in ns."""
-        mean, count = self._known
-        return boot_ns + (mean if count else self._floor(boot_ns))

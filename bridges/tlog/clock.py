@@ -51,6 +51,20 @@ def _within(boot: Boot, frame_no: np.ndarray) -> np.ndarray:
     return (frame_no >= boot.first) & (frame_no < boot.stop)
 
 
+def one_vehicle(log: Tlog, vehicle: Vehicle) -> tuple[Tlog, int]:
+    """The log without the messages of a second vehicle with the same system id, and how many those are."""
+    boot_ms = scan.boot_times(
+        log.data, log.frames, scan.dialect().boot_ms_at, vehicle.system_id, vehicle.component_id
+    )
+    number = np.flatnonzero(boot_ms >= 0)
+    if not number.size:
+        return log, 0
+    others = number[flightclock.interleaved(boot_ms[number], log.receipt_us[number])]
+    frames, msgid = log.frames.copy(), log.msgid.copy()
+    frames["sysid"][others], msgid[others] = 0, -1
+    return log._replace(frames=frames, msgid=msgid), others.size
+
+
 def timeline(log: Tlog, vehicle: Vehicle) -> Timeline:
     """Boot by boot: tie boot time to UTC, then the receiver's clock to both."""
     boot_ms = scan.boot_times(
@@ -69,12 +83,13 @@ def timeline(log: Tlog, vehicle: Vehicle) -> Timeline:
         first, stop = (number[a] if i else 0), (number[b] if b < number.size else log.frames.size)
         within = (times["frame_no"] >= first) & (times["frame_no"] < stop)
         source, drift = "SYSTEM_TIME", 0.0
-        offset_ns = flightclock.from_system_time(times["time_unix_usec"][within], times_ns[within])
+        told = times["time_unix_usec"], times_ns, times["receipt_us"] * flightclock.US
+        offset_ns, jumps = flightclock.from_system_time(*(column[within] for column in told))
         if offset_ns is None:
             source = "receipt"
             offset_ns, drift = flightclock.lower_envelope(boot_ns[a:b], received_ns[a:b])
         span = int(boot_ns[a:b].min()), int(boot_ns[a:b].max())
-        boots.append(Boot(int(first), int(stop), *span, source, offset_ns, drift))
+        boots.append(Boot(int(first), int(stop), *span, source, offset_ns, drift, jumps))
         t_ns[a:b] = flightclock.to_utc(boots[-1], boot_ns[a:b])
         late.append(flightclock.lower_envelope(t_ns[a:b], received_ns[a:b]))
     return Timeline(number, t_ns, boots, late)
@@ -89,4 +104,5 @@ def describe(boot: Boot) -> dict:
         "boot_s": [boot.start_ns / flightclock.S, boot.end_ns / flightclock.S],
         "clock": boot.source,
         "drift_ppm": boot.drift * 1e6,
+        "system_times_contradicting": boot.jumps,
     }

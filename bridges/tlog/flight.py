@@ -38,6 +38,7 @@ def flight(log: Tlog, system_id: int | None = None) -> Flight:
     """
     there = vehicles(log)
     vehicle = choose(log, there, system_id)
+    log, others = clock.one_vehicle(log, vehicle)
     timeline = clock.timeline(log, vehicle)
     positions, before_fix = _positions(log, vehicle, timeline)
     told = positions[0]
@@ -53,6 +54,7 @@ def flight(log: Tlog, system_id: int | None = None) -> Flight:
     air = _air(log, vehicle, timeline)
     report = damage(log) | {
         "system_id": vehicle.system_id,
+        "messages_of_another_with_its_id": others,
         "systems": {str(v.system_id): v.kind for v in there},
         "boots": [clock.describe(boot) for boot in timeline.boots],
         "positions": positions[0].size,

@@ -68,7 +68,8 @@ def serve(
         supervisor.start("publisher", outbox.run, told_all)
         stack.callback(told_all.set)  # after the session's last word
         say("compiling the filter (once; cached for the next start)")
-        feeds = live.BusFeeds(bus)
+        sensors = ["ins", *(sensor.name for sensor in station.sensor)]
+        feeds = live.BusFeeds(bus, sensors, station.filter.lateness_s)
         told = [*send_to, _note]
         session = new_session(station, frame, folder, method, told, feeds, correction, supervisor.health)
         supervisor.others = session.supervise()

@@ -20,15 +20,17 @@ Samples carry no Zenoh time; times are in the payload. This is the only file tha
 
 import json
 import re
-import threading
 import time
+from collections import Counter
 from collections.abc import Callable, Mapping
+from functools import partial
 from types import MappingProxyType
 
 import zenoh
 from zenoh import ext
 
 from gcs.contract.config import BusSection
+from gcs.contract.holders import Holders
 from gcs.contract.inbox import Inbox, Limits
 from gcs.contract.messages import ANY, JSON, InputError, encode
 from gcs.contract.subscription import Sample, Subscription
@@ -137,7 +139,12 @@ class Bus:
                 push,
                 recovery=ext.RecoveryConfig(heartbeat=True, periodic_queries=None),
             )
-            self._held += [subscriber, subscriber.sample_miss_listener(miss)]
+            left = guarded("subscription", partial(_on_publisher, subscription.holders))
+            self._held += [
+                subscriber,
+                subscriber.sample_miss_listener(miss),
+                subscriber.detect_publishers(left, history=False),
+            ]
         subscription.begin([s for subject in subjects for s in self._history(f"{self._prefix}/{subject}")])
         return subscription
 
@@ -163,6 +170,18 @@ class Bus:
             timeout=LEASE_MS / 1e3,
         )
         return list(replies)
+
+    def claim(self, *subjects: str) -> Counter[str]:
+        """Watch ``subjects`` that nobody else should write; counts what others put there, by their id."""
+        others: Counter[str] = Counter()
+
+        def heard(sample: zenoh.Sample) -> None:
+            others[str(sample.source_info.source_id.zid) if sample.source_info else "unknown"] += 1
+
+        for key in (f"{self._prefix}/{subject}" for subject in subjects):
+            remote = zenoh.Locality.REMOTE
+            self._held.append(self._session.declare_subscriber(key, heard, allowed_origin=remote))
+        return others
 
     def declare_alive(self, source: str) -> None:
         """Hold the liveliness token of ``source`` until this bus closes or its process dies."""
@@ -206,6 +225,14 @@ class Bus:
     def _on_liveliness(self, sample: zenoh.Sample) -> None:
         source = str(sample.key_expr).rsplit("/", 1)[1]
         (self._alive.add if sample.kind == zenoh.SampleKind.PUT else self._alive.discard)(source)
+
+
+def _on_publisher(holders: Holders, sample: zenoh.Sample) -> None:
+    """Its token's key: ``KEY/@adv/pub/ZID/EID/_``."""
+    if sample.kind == zenoh.SampleKind.DELETE:
+        key, _, rest = str(sample.key_expr).partition("/@adv/pub/")
+        zid, eid = rest.split("/")[:2]
+        holders.left(key, (zid, int(eid)))
 
 
 def _name(name: str) -> str:

@@ -7,6 +7,7 @@ from typing import Any, Protocol
 
 import msgspec
 
+from gcs.contract.holders import OTHER, Holders
 from gcs.contract.inbox import Excess, Inbox
 from gcs.contract.limits import TEXT
 from gcs.contract.messages import ANY, Bad, decode
@@ -45,6 +46,7 @@ class Subscription:
     def __init__(self, inbox: Inbox):
         self.undecodable = 0  # payloads that are none of ours
         self.missed = 0  # messages lost on the way and no longer kept by their publisher
+        self.holders = Holders()
         self._inbox = inbox
         self._early: list[Sample] | None = []  # live samples that wait for the history
         self._newest: dict[tuple, int] = {}  # last sample number taken from each publisher
@@ -105,14 +107,17 @@ class Subscription:
             self._early = None
 
     def _take(self, sample: Sample, *, kept: bool = False) -> None:
+        publisher = None
         if info := sample.source_info:  # a plain publisher's samples have none
-            publisher = info.source_id.zid, info.source_id.eid
+            publisher = str(info.source_id.zid), info.source_id.eid
             if info.source_sn <= self._newest.get(publisher, -1):
                 return  # came with the history
             self._newest[publisher] = info.source_sn
             if len(self._newest) > PUBLISHERS:
                 del self._newest[next(iter(self._newest))]
-        self._inbox.put(str(sample.key_expr), sample, len(sample.payload), kept=kept)
+        key = str(sample.key_expr)
+        ours = self.holders.admit(key, publisher)
+        self._inbox.put(key, sample if ours else Excess(1, OTHER), len(sample.payload), kept=kept)
 
     def count_miss(self, miss: Miss) -> None:
         self.missed += miss.nb

@@ -1,8 +1,9 @@
 """Time alignment: one time-ordered stream of rows out of feeds with different clocks, delays and rates.
 
 Live, a row waits until no earlier one can still be expected: every source that is talking has either passed
-its time or is not due before it. ``hold_s`` bounds the wait. What comes later than that is handed on at once;
-the filter's window takes it in or calls it late. In replay all data are there, so the caller says how far.
+its time or is not due before it. ``hold_s`` bounds the wait; a source that is always later than that is not
+waited for at all. What comes later is handed on at once; the filter's window takes it in or calls it late. In
+replay all data are there, so the caller says how far.
 """
 
 import numpy as np
@@ -44,10 +45,12 @@ class Align:
 
     def due_ns(self, now_ns: int) -> int:
         """The time up to which nothing earlier is still expected, or has been waited for long enough."""
+        talking = [pace for pace in self._pace.values() if now_ns - pace[1] < GONE_NS]
+        promptest = min((arrival - newest for newest, arrival, _ in talking), default=0)
         expected = [
             newest + int(EARLY * interval)
-            for newest, arrival, interval in self._pace.values()
-            if now_ns - arrival < GONE_NS
+            for newest, arrival, interval in talking
+            if arrival - newest - promptest <= self._hold_ns
         ]
         overdue = [newest for arrival, newest in self._arrivals if now_ns - arrival >= self._hold_ns]
         self._arrivals = [a for a in self._arrivals if now_ns - a[0] < self._hold_ns]

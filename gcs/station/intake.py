@@ -76,7 +76,7 @@ class Intake:
         self.frame = frame
         self.ledger = ledger
         self.names = ledger.sensors
-        self._place = {s.name: frame.place_sensor(s) for s in station.sensor}
+        self.places = {s.name: frame.place_sensor(s) for s in station.sensor}  # offset, rotation
         known = {"ins": dict.fromkeys(CHANNELS, station.ins.latency_s)}
         known |= {s.name: s.latency_by_channel for s in station.sensor}
         self._latency_ns = {  # by channel
@@ -89,7 +89,7 @@ class Intake:
         """(n,) POLAR of one instrument; a value whose own noise cannot be is complained of."""
         values = np.stack([measured[field] for field in POLAR_FIELDS], axis=1)
         sigmas = np.nan_to_num(np.stack([measured[f"sigma_{field}"] for field in POLAR_FIELDS], axis=1))
-        offset, rotation = self._place[name]
+        offset, rotation = self.places[name]
         position = polar_to_enu(
             values[:, 0], np.radians(values[:, 1]), np.radians(values[:, 2]), offset, rotation
         )

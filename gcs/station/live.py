@@ -1,49 +1,68 @@
 """Live: measurements come from the bus, through the same session, and the cleaned state goes back onto it."""
 
-import statistics
 import threading
-import time
-from collections import Counter, deque
+from collections import Counter
 from itertools import groupby
 
 import numpy as np
 
 from gcs.contract import messages
 from gcs.contract.bus import Bus
-from gcs.contract.messages import AirData, Bad, InsMeasurement, PolarMeasurement
+from gcs.contract.messages import ANY, AirData, Bad, Event, InsMeasurement, PolarMeasurement
+from gcs.contract.steady import now_ns
+from gcs.station.clocks import FAULTS, FlightClock
 from gcs.station.session import Session
 
 SETTLE_S = 1.0  # a restarted station is given what the bridges kept; all of it, before the first row goes in
 POLL_S = 0.01  # how long one turn waits for the first measurement; also how often a hold can run out
-ASTRAY_NS = 5_000_000_000  # a stamp this far from the flight's clock is a fault of a clock, no delay of ours
-RECORDED_NS = 60_000_000_000  # stamps older than this on arrival come from a recording, not over a slow link
-MEMORY = 101  # arrivals of which the median is a source's usual lag: some seconds, and odd
+STRANGERS = 50  # unknown names that are counted apart
 
 
-class BusFeeds:
-    """The measurements on the bus. The flight's clock is the INS's, else that of the first source."""
+class Arrivals:
+    """What live turns remember: the flight's clock, what waits for it, and who is not known here."""
 
-    def __init__(self, bus: Bus):
+    def __init__(self, sensors: list[str], lateness_s: float):
+        self.clock = FlightClock(sensors, lateness_s)
+        self.waiting: list[tuple[int, str, list[ANY]]] = []  # (arrival, source, messages) of past turns
+        self.strangers: Counter = Counter()
+        self.told: list[tuple[str, str]] = []  # (level, text) since the last turn
+
+    def stranger(self, name: str, messages: int) -> None:
+        """Count what a source has sent that the station file does not name; the first is told."""
+        if len(self.strangers) >= STRANGERS and name not in self.strangers:
+            name = "others"
+        if name not in self.strangers:
+            text = f"{name}: no sensor of that name in the station file; what it sends is counted, not used"
+            self.told.append(("warning", text))
+        self.strangers[name] += messages
+
+    def events(self) -> list[Event]:
+        """What an operator should know since the last call, at the flight's time."""
+        told, self.told = self.told + self.clock.told, []
+        self.clock.told = []
+        return [Event(t_ns=self.clock.now_ns, level=level, text=text) for level, text in told]
+
+
+class BusFeeds(Arrivals):
+    """The measurements on the bus, and what only the bus knows of their sources."""
+
+    def __init__(self, bus: Bus, sensors: list[str], lateness_s: float):
+        super().__init__(sensors, lateness_s)
         self._bus = bus
         self.incoming = bus.subscribe("raw/*")
-        self.history = True  # what comes first was kept for us, and may be as old as it likes
-        self._lags_ns: dict[str, deque] = {}
+        self._others, self._other = bus.claim("state", "smoothed"), set[str]()
 
-    def astray(self, name: str, t_ns: np.ndarray, arrival_ns: int) -> np.ndarray:
-        """Take in (n,) stamps that arrived now; returns (n,) bool, true where a stamp cannot be right."""
-        lags = arrival_ns - t_ns
-        if self.history:
-            return lags < -ASTRAY_NS
-        self._lags_ns.setdefault(name, deque(maxlen=MEMORY)).extend(lags[-MEMORY:].tolist())
-        reference = "ins" if "ins" in self._lags_ns else next(iter(self._lags_ns))
-        return np.abs(lags - statistics.median(self._lags_ns[reference])) > ASTRAY_NS
+    def events(self) -> list[Event]:
+        while self.incoming.holders.told:
+            self.told.append(self.incoming.holders.told.pop(0))
+        for other in set(tuple(self._others)) - self._other:  # Zenoh's thread adds to it
+            self._other.add(other)
+            who = f"Zenoh id {other} publishes the state on this bus, too"
+            self.told.append(("error", f"{who}: another station, or a forgery; end it"))
+        return super().events()
 
     def latency_s(self, name: str) -> float:
-        """Median of arrival minus validity. A flight from a recording is as late as its fastest source: 0."""
-        usual = {source: statistics.median(lags) for source, lags in self._lags_ns.items()}
-        least = min(usual.values(), default=0)
-        recorded = least if abs(least) > RECORDED_NS else 0
-        return (usual.get(name, recorded) - recorded) / 1e9
+        return self.clock.latency_s(name)
 
     def alive(self, name: str) -> bool:
         """Does the source hold its liveliness token?"""
@@ -58,48 +77,72 @@ class BusFeeds:
 
 def run(session: Session, feeds: BusFeeds, stop: threading.Event) -> dict:
     """Serve until ``stop``; returns the summary."""
-    strangers: Counter = Counter()
     stop.wait(SETTLE_S)
-    for drained in feeds.incoming.turns(stop, POLL_S):
-        arrived = sorted(drained, key=lambda pair: pair[0])
-        now_ns = time.time_ns()
-        for name, pairs in groupby(arrived, key=lambda pair: pair[0]):
-            found = [message for _, message in pairs]
-            if name in session.ledger.sensors:
-                _enter(session, name, found, feeds, now_ns)
-            elif name == "air":
-                _enter_air(session, found, feeds, now_ns)
-            else:
-                strangers[name] += len(found)
-        session.advance(session.align.due_ns(now_ns))
-        feeds.history = False
+    for arrived in feeds.incoming.turns(stop, POLL_S):
+        turn(session, feeds, arrived, now_ns())
     queue = feeds.incoming
+    others = sum(queue.holders.refused.values())
     lost = {"queue_full": queue.dropped, "on_the_way": queue.missed, "undecodable": queue.undecodable}
-    return session.finish({"complete": True, "bus": lost, "unknown_sources": dict(strangers)})
+    lost |= {"second_publisher": others}
+    return finish(session, feeds, {"bus": lost})
 
 
-def _enter(session: Session, name: str, found: list, feeds: BusFeeds, now_ns: int) -> None:
-    """One source's messages into the session; no measurement of its kind, or astray: complained of."""
+def turn(session: Session, feeds: Arrivals, arrived: list[tuple[str, ANY]], arrival_ns: int) -> None:
+    """One turn: ``(source, message)`` in order of arrival, all taken at ``arrival_ns``, through the session.
+
+    A function of its arguments in their order: the same turns give the same results.
+    """
+    for name, pairs in groupby(sorted(arrived, key=lambda pair: pair[0]), key=lambda pair: pair[0]):
+        found = [message for _, message in pairs]
+        if name not in session.ledger.sensors and name != "air":
+            feeds.stranger(name, len(found))
+            continue
+        stamps = [m.t_ns for m in found if isinstance(m, _kind(name))]
+        if stamps:
+            feeds.clock.hear(name, np.array(stamps), arrival_ns)
+        feeds.waiting.append((arrival_ns, name, found))
+    if feeds.clock.settle(arrival_ns):
+        _enter_waiting(session, feeds)
+    session.advance(session.align.due_ns(arrival_ns), feeds.events())
+
+
+def finish(session: Session, feeds: Arrivals, about: dict) -> dict:
+    """The end: what still waits for a clock is entered as it is. Returns the summary."""
+    _enter_waiting(session, feeds)
+    return session.finish(about | {"complete": True, "unknown_sources": dict(feeds.strangers)})
+
+
+def _enter_waiting(session: Session, feeds: Arrivals) -> None:
+    for arrival_ns, name, found in feeds.waiting:
+        good = [message for message in found if isinstance(message, _kind(name))]
+        if name == "air":
+            samples = messages.to_columns(good, AirData)
+            if good:
+                session.enter_air(samples[feeds.clock.judge(name, samples["t_ns"], arrival_ns) == 0])
+            continue
+        bad = [_no_measurement(name, message) for message in found if not isinstance(message, _kind(name))]
+        if bad:
+            session.enter(session.intake.bad(name, bad), arrival_ns)
+        if good:
+            _enter(session, name, messages.to_columns(good, _kind(name)), feeds, arrival_ns)
+    feeds.waiting.clear()
+
+
+def _enter(session: Session, name: str, measured: np.ndarray, feeds: Arrivals, arrival_ns: int) -> None:
+    """One source's (n,) measurements into the session; those stamped wrong are complained of."""
     intake = session.intake
-    kind = InsMeasurement if name == "ins" else PolarMeasurement
-    good = [message for message in found if isinstance(message, kind)]
-    bad = [_no_measurement(name, message) for message in found if not isinstance(message, kind)]
-    if bad:
-        session.enter(intake.bad(name, bad), now_ns)
-    if good:
-        measured = messages.to_columns(good, kind)
-        batch = intake.ins(measured) if name == "ins" else intake.polar(name, measured)
-        astray = feeds.astray(name, measured["t_ns"], now_ns)[batch.entries["measurement"]]
-        batch.complaints[astray] = session.ledger.reason("stamped seconds away from the flight's clock")
-        session.enter(batch, now_ns)
+    batch = intake.ins(measured) if name == "ins" else intake.polar(name, measured)
+    fault = feeds.clock.judge(name, measured["t_ns"], arrival_ns)[batch.entries["measurement"]]
+    reasons = np.array([session.ledger.reason(text) for text in FAULTS])
+    batch.complaints[fault > 0] = reasons[fault[fault > 0]]
+    session.enter(batch, arrival_ns)
 
 
-def _enter_air(session: Session, found: list, feeds: BusFeeds, now_ns: int) -> None:
-    samples = messages.to_columns([m for m in found if isinstance(m, AirData)], AirData)
-    session.enter_air(samples[~feeds.astray("air", samples["t_ns"], now_ns)])
+def _kind(name: str) -> type[InsMeasurement | AirData | PolarMeasurement]:
+    return InsMeasurement if name == "ins" else AirData if name == "air" else PolarMeasurement
 
 
-def _no_measurement(name: str, message) -> Bad:
+def _no_measurement(name: str, message: ANY) -> Bad:
     if isinstance(message, Bad):
         return message
     return Bad(

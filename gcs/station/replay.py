@@ -2,7 +2,7 @@
 
 import threading
 import time
-from collections.abc import Callable, Container, Mapping
+from collections.abc import Callable, Container, Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -14,8 +14,10 @@ from bridges.tlog import flight as tlog_flight
 from bridges.tlog import tlog
 from gcs.contract.config import Station
 from gcs.contract.frames import Frame
-from gcs.contract.messages import AIR, INS, InputError
+from gcs.contract.messages import AIR, CHANNELS, INS, INSTRUMENT_CHANNELS, Event, InputError
+from gcs.station import stamps
 from gcs.station.intake import Batch, Intake, merge
+from gcs.station.ledger import NO_TIME
 from gcs.station.session import Session
 
 STEP_NS = 1_000_000_000  # data taken in one go at full speed: long enough to be quick, short enough to seek
@@ -87,14 +89,56 @@ def heard(station: Station, feeds: Container[str]) -> Station:
 
 def batch(flight: MeasuredFlight, intake: Intake) -> Batch:
     """All of a flight's values in order of valid time; those outside the flight are complained of."""
-    parts = [intake.ins(flight.ins)]
+    return batch_and_events(flight, intake)[0]
+
+
+def batch_and_events(flight: MeasuredFlight, intake: Intake) -> tuple[Batch, list[Event]]:
+    """As ``batch``, and what an operator should know of the stamps, in order of time."""
+    own = intake.ins(flight.ins)
+    found = stamps.check(*_as_seen(flight, intake, own))
+    parts = [_complained(intake, own, np.isin(own.valid_ns // stamps.S, found.ins))]
     for name, (measured, bads) in flight.feeds.items():
-        parts += [intake.polar(name, measured), intake.bad(name, bads)]
+        values = intake.polar(name, measured)
+        if name in found.feeds:
+            values = _complained(intake, values, found.feeds[name][values.entries["measurement"]])
+        parts += [values, intake.bad(name, bads)]
     merged = merge(parts)
     outside = (merged.valid_ns < flight.start_ns - APART_NS) | (merged.valid_ns > flight.end_ns + APART_NS)
     outside &= merged.complaints == 0
     merged.complaints[outside] = intake.ledger.reason("not within a minute of the flight")
-    return merged
+    timed = outside & (merged.entries["t_ns"] != NO_TIME)
+    return merged, [*_outside(intake, flight, merged.entries["sensor"][timed]), *found.events]
+
+
+def _outside(intake: Intake, flight: MeasuredFlight, sensor: np.ndarray) -> Iterator[Event]:
+    """One event for each of the sensors (n,) that have values from another time."""
+    for k, values in zip(*np.unique(sensor, return_counts=True), strict=True):
+        text = f"{intake.names[k]}: {values} values are stamped over a minute outside the flight: refused"
+        yield Event(t_ns=flight.start_ns, level="warning", text=text)
+
+
+def _as_seen(
+    flight: MeasuredFlight, intake: Intake, own: Batch
+) -> tuple[stamps.OwnPath, dict[str, stamps.Sightings]]:
+    """The aircraft's own path, and what each instrument saw of it."""
+    placed = (own.entries["channel"] == CHANNELS.index("e")) & (own.complaints == 0)
+    order = np.argsort(own.valid_ns[placed], kind="stable")
+    path = stamps.OwnPath(own.valid_ns[placed][order], own.entries["position_m"][placed][order])
+    seen = {}
+    for sensor in intake.station.sensor:
+        if sensor.name in flight.feeds:
+            rows, known = flight.feeds[sensor.name][0], sensor.sigma_by_channel
+            values = np.stack([rows["range_m"], *np.radians([rows["azimuth_deg"], rows["elevation_deg"]])], 1)
+            sigma = np.array([known.get(name, np.nan) for name in INSTRUMENT_CHANNELS[:3]])
+            sigma[1:] = np.radians(sigma[1:])
+            seen[sensor.name] = stamps.Sightings(rows["t_ns"], values, sigma, *intake.places[sensor.name])
+    return path, seen
+
+
+def _complained(intake: Intake, batch: Batch, wrong: np.ndarray) -> Batch:
+    """The batch with the values (n,) bool complained of, where nothing else is wrong with them."""
+    reason = intake.ledger.reason(stamps.OFF)
+    return batch._replace(complaints=np.where(wrong & (batch.complaints == 0), reason, batch.complaints))
 
 
 class Playback:
@@ -168,14 +212,15 @@ def run(
     """Play a flight through; ``stay``: at its end wait for another seek. Returns the last summary."""
     while True:
         session = new_session()
-        whole = batch(flight, session.intake)
+        whole, events = batch_and_events(flight, session.intake)
         session.enter_air(flight.air)
         taken = 0
         while (upto_ns := playback.upto()) is not None:
             until = int(np.searchsorted(whole.valid_ns, upto_ns, side="right"))
             session.enter(Batch(*(column[taken:until] for column in whole)))
-            session.advance(upto_ns)
-            taken = until
+            told = sum(event.t_ns <= upto_ns for event in events)
+            session.advance(upto_ns, events[:told])
+            taken, events = until, events[told:]
             if playback.stopped or upto_ns == playback.end_ns:
                 break
         if upto_ns is None:

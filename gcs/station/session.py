@@ -102,8 +102,8 @@ class Session:
         """Take (n,) AIR in."""
         self.air.enter(samples)
 
-    def advance(self, upto_ns: int) -> None:
-        """One turn of the loop, over everything valid up to ``upto_ns``."""
+    def advance(self, upto_ns: int, events: Sequence[Event] = ()) -> None:
+        """One turn of the loop, over everything valid up to ``upto_ns``; the source's ``events`` go along."""
         rows, repeats = self.align.release(upto_ns)  # one time-ordered stream
         for sensor in np.unique(rows["sensor"]).tolist():
             self._pace[sensor].take(rows["t_ns"][rows["sensor"] == sensor])
@@ -116,7 +116,7 @@ class Session:
         step = self._estimate(rows)  # state and verdicts
         track, told = self.air.step(step.track, upto_ns)  # wind, or dead reckoning
         track = self._told_only(track)
-        self._hand_on(step._replace(track=track), told, failed=self._lost(rows, track))
+        self._hand_on(step._replace(track=track), [*told, *events], failed=self._lost(rows, track))
 
     def finish(self, about: dict) -> dict:
         """Take in what still waits, make every verdict final, and give each sink the summary.

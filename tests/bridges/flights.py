@@ -72,6 +72,12 @@ def packed(received, system: int = 1, component: int = 1, version: int = 2) -> l
     return records
 
 
+def sent_by(message, speaker):
+    """A message as it comes out of a link: with the header of the vehicle that sent it."""
+    message.pack(speaker)
+    return message
+
+
 def write(path, *records: list[bytes]):
     """A tlog of all records, one list behind the other."""
     path.write_bytes(b"".join(record for part in records for record in part))

@@ -1,5 +1,7 @@
 """The flight's own clock, out of logs whose clocks are known."""
 
+import random
+
 import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
@@ -7,6 +9,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from bridges.mavlink.flightclock import MS, S
 from bridges.tlog import flight as tlog_flight
 from bridges.tlog import tlog
+from gcs.contract.limits import LAST_NS
 from tests.bridges.flights import START_US, flight, packed, positions, write
 
 
@@ -69,3 +72,55 @@ def test_a_wrong_receiver_clock_shifts_no_arrival(path):
     hour_late = [one._replace(receipt_us=one.receipt_us + 3_600_000_000) for one in flight(30)]
     rows = tlog_flight.ins(tlog.read(write(path, packed(hour_late))))
     assert np.abs(rows["arrival_ns"] - rows["t_ns"]).max() < 0.01 * S
+
+
+@pytest.mark.parametrize("stamps", ["all", "some", "zero"])
+@pytest.mark.parametrize("system_time", [True, False])
+def test_stamps_that_are_noise_never_raise_and_no_time_leaves_this_century(path, stamps, system_time):
+    rng = random.Random(stamps)
+
+    def stamp(own: bytes) -> bytes:
+        if stamps == "zero":
+            return bytes(8)
+        wild = rng.getrandbits(rng.choice([32, 52, 60, 63, 64])).to_bytes(8, "big")
+        return wild if stamps == "all" or rng.random() < 0.4 else own
+
+    records = packed(flight(20, system_time=system_time, fix_after_s=0))
+    got = tlog_flight.flight(tlog.read(write(path, [stamp(r[:8]) + r[8:] for r in records])))
+    rows = positions(got.rows)
+    assert rows.size == 200
+    assert (rows["t_ns"] < LAST_NS + 3600 * S).all()
+    assert (np.diff(np.sort(rows["t_ns"])) >= 99 * MS).all()
+    if system_time:
+        assert rows["t_ns"].min() == START_US * 1000 + 5_000 * MS
+
+
+@pytest.mark.parametrize("jump_s", [-10.0, 2.0, -3600.0])
+@pytest.mark.parametrize("receiver_s", [0.0, 500.0])
+def test_gps_time_that_jumps_in_flight_keeps_the_offset_of_most_and_counts_the_rest(path, jump_s, receiver_s):
+    sent = []
+    for k, one in enumerate(flight(20, fix_after_s=0)):
+        jumped = k > 400 and one.message.get_type() == "SYSTEM_TIME"
+        if jumped:
+            one.message.time_unix_usec += round(jump_s * 1e6)
+        sent.append(one._replace(receipt_us=one.receipt_us + round(receiver_s * 1e6)))
+    got = tlog_flight.flight(tlog.read(write(path, packed(sent))))
+    late_s = 0.0 if receiver_s == 0.0 else jump_s  # who is right, only the receiver's clock could say
+    expected = START_US * 1000 + 5_000 * MS + round(late_s * S)
+    assert positions(got.rows)["t_ns"].min() == expected
+    assert got.report["boots"][0]["system_times_contradicting"] > 70
+
+
+def test_two_vehicles_with_one_system_id_in_a_log_are_counted_and_not_mixed(path):
+    flights = [list(flight(20, fix_after_s=0)), list(flight(20, fix_after_s=0, boot_ms=900_000))]
+    for one in flights[1]:
+        if one.message.get_type() == "GLOBAL_POSITION_INT":
+            one.message.lat += 10_000_000  # another degree
+    both = [one for pair in zip(*flights, strict=True) for one in pair]
+    steady = [one._replace(receipt_us=START_US + k * 8_000) for k, one in enumerate(both)]
+    got = tlog_flight.flight(tlog.read(write(path, packed(steady))))
+    rows = positions(got.rows)
+    assert rows.size == 200
+    assert np.ptp(rows["lat_deg"]) < 0.1
+    assert len(got.boots) == 1
+    assert got.report["messages_of_another_with_its_id"] == 600

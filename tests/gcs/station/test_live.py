@@ -77,8 +77,8 @@ def play_live(station, flight, folder) -> tuple[Best, list, dict]:
     best, stop = Best(), threading.Event()
     endpoint = station.bus.endpoint
     with Bus.open("demo", "uav1", endpoint=endpoint) as bus:
-        feeds = live.BusFeeds(bus)
         names = ["ins", *FEEDS]
+        feeds = live.BusFeeds(bus, names, station.filter.lateness_s)
         publisher = Publisher(flight.frame, Monitor(names, feeds), [bus.publish])
         session = Session(station, flight.frame, [best, publisher, Record(folder, station, flight.frame)])
         session.estimator.warm_up()
@@ -119,7 +119,7 @@ def test_live_is_the_replay(station, flight, tmp_path):
 
     assert [state.seq for state in states] == list(range(len(states)))
     assert len(states) == sum(len(part) for part in best.track)
-    assert summary["bus"] == {"on_the_way": 0, "queue_full": 0, "undecodable": 0}
+    assert summary["bus"] == {"on_the_way": 0, "queue_full": 0, "undecodable": 0, "second_publisher": 0}
     kinds = (InsMeasurement, PolarMeasurement)
     put = sum(isinstance(item[2], kinds) for told in timelines(flight).values() for item in told)
     assert put == session.ledger._measurements

@@ -3,22 +3,21 @@ import pytest
 from pymavlink.dialects.v10 import ardupilotmega as mavlink_1
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from bridges.mavlink import mavlink
+from bridges.mavlink.decoder import Decoder
 from bridges.mavlink.flightclock import MS, S
 from bridges.tlog import flight as tlog_flight
 from bridges.tlog import tlog
 from gcs.contract.messages import AIR, INS, AirData, Bad, InsMeasurement, to_columns
 from tests.bridges import oracle
-from tests.bridges.flights import START_US, flight, packed, write
+from tests.bridges.flights import START_US, flight, packed, sent_by, write
 
 
 def live(path, system_id=1):
     """What the live decoder makes of a log, message by message."""
-    decoder = mavlink.Decoder(system_id)
+    decoder = Decoder(system_id)
     for one in oracle.pymavlink_messages(path)[0]:
-        measurement = decoder.decode(one.message, one.receipt_us * 1000)
-        if measurement is not None:
-            yield measurement
+        yield from decoder.decode(one.message, one.receipt_us * 1000)
+    yield from decoder.flush()
 
 
 def compare(path, system_id=1):
@@ -183,26 +182,20 @@ def test_restart_starts_over(tmp_path):
 def test_other_systems_and_damage(tmp_path):
     path = write(tmp_path / "flight.tlog", packed(flight(5), system=8))
     assert list(live(path, system_id=1)) == []
-    decoder = mavlink.Decoder(1, "udpin:127.0.0.1:14550")
+    decoder = Decoder(1, "udpin:127.0.0.1:14550")
     bad = decoder.decode(dialect.MAVLink_bad_data(b"\x01\x02", "Bad prefix"), 5)
-    assert bad == Bad(source="ins", where="udpin:127.0.0.1:14550 #1", reason="Bad prefix", raw="01 02")
-
-
-def sent_by(message, speaker):
-    """A message as it comes out of a link: with the header of the vehicle that sent it."""
-    message.pack(speaker)
-    return message
+    assert bad == [Bad(source="ins", where="udpin:127.0.0.1:14550 #1", reason="Bad prefix", raw="01 02")]
 
 
 def test_a_system_time_that_no_clock_can_show_is_a_reason():
     speaker = dialect.MAVLink(None, srcSystem=1, srcComponent=1)
-    decoder = mavlink.Decoder(1)
+    decoder = Decoder(1)
     for unix_us in (2**64 - 1, 5_000_000_000_000_000):
-        bad = decoder.decode(
-            sent_by(dialect.MAVLink_system_time_message(unix_us, 1000), speaker), START_US * 1000
-        )
-        assert isinstance(bad, Bad)
-        assert "after the year 2099" in bad.reason
+        message = sent_by(dialect.MAVLink_system_time_message(unix_us, 1000), speaker)
+        assert decoder.decode(message, START_US * 1000) == []
+    bad = decoder.flush()
+    assert len(bad) == 2
+    assert all("after the year 2099" in one.reason for one in bad)
     assert decoder.clock.utc_ns(1000 * MS) == START_US * 1000
 
 
@@ -210,4 +203,5 @@ def test_a_mavlink_1_receiver_says_nothing_of_the_ellipsoid():
     speaker = mavlink_1.MAVLink(None, srcSystem=1, srcComponent=1)
     fix = mavlink_1.MAVLink_gps_raw_int_message(START_US, 3, 0, 0, 584_000, 100, 100, 0, 0, 12)
     assert not hasattr(fix, "alt_ellipsoid")
-    assert mavlink.Decoder(1).decode(sent_by(fix, speaker), START_US * 1000) is None
+    decoder = Decoder(1)
+    assert decoder.decode(sent_by(fix, speaker), START_US * 1000) == decoder.flush() == []

@@ -1,0 +1,272 @@
+"""The flight's clock: what most sources agree on. Who is stamped elsewhere is refused until it is right.
+
+A source's *lag* is arrival minus stamp: its delay, less what its clock is ahead. Nobody can measure the
+future, and a delay has no upper end, so the lags of honest sources lie close above one number, the lag of a
+measurement that comes without delay. That number is decided by vote, as among time servers (Marzullo &
+Owicki 1983; RFC 5905, 11.2.1): every source votes with its lag, the station's own clock with zero, and the
+largest group within ``lateness_s`` wins: what lies farther apart is late in the estimator anyway. Of three
+or more the second smallest lag counts, so that one clock alone sets nothing; among equals the clock that ran
+so far, then the group of the station's own clock. A played recording outvotes the station, and so does an
+aircraft with its instruments when the station's own clock is wrong.
+
+Then, row by row: stamped ahead of the flight's clock by more than ``AHEAD_NS``, it is a lie; what is less is
+the range of the clock offsets that the estimator finds. A source that is behind the promptest one by more
+than ``lateness_s``, for most of a second, has a wrong clock or too slow a link, and its rows would all be
+late. A row that is late alone is left to the estimator: it may come after a stall. A lag that only grows, or
+only shrinks, by more than ``DRIFT`` for ``DRIFT_S`` is a clock that drifts, or a link that fills up; two
+sources alone cannot tell which of them does.
+
+At the start rows wait until two agree. A source that is alone and apart from the station's clock is taken
+after ``LONE_NS``, and of several that all differ the one nearest to the station. A clock once agreed on moves
+only if more votes stand against it for ``MOVE_NS``; all being late together is a slow link and moves nothing.
+
+All is a function of stamps and arrivals, in their order; nothing here reads a clock.
+"""
+
+from collections import deque
+from collections.abc import Iterable
+from itertools import pairwise
+from statistics import median
+
+import numpy as np
+
+S = 1_000_000_000
+SPAN_NS = 1 * S  # a source's lag is the median of so long
+FEWEST = 3  # … or of so many turns, of a slow source
+PACED_NS = S // 2  # how fast a recording is played shows after so long
+VOTE_NS = 5 * S  # a source that is silent for longer has no vote: the slowest radars turn once in 4 s
+AHEAD_NS = S // 4  # 2.5 sigma of the usual prior of a clock offset
+LONE_NS = 10 * S  # time for the others to begin
+MOVE_NS = 1 * S
+RIGHT_NS = 1 * S  # a clock is right again after so long without a lie
+STALE_NS = 60 * S  # no link holds back what it carries for so long: another clock, or a recording
+JUMP_S = 0.1  # no drift: in a second it would be 10 %
+STEADY = 0.05  # lags that grow by less are those of real time
+DRIFT, DRIFT_S = 0.003, 8  # a crystal keeps to 0.0001; by chance lags do not grow nine times in a row
+STATION = ""  # the name under which the station's own clock votes
+AHEAD = "stamped in the future: ahead of the flight's clock"
+BEHIND = "stamped too far behind the flight's clock: its clock is wrong or its link too slow"
+UNITS = ((31_557_600, "years"), (86_400, "days"), (3_600, "h"), (60, "min"))
+DRIFTS = "stamped by a clock that drifts"
+FAULTS = ("", AHEAD, BEHIND, DRIFTS)  # what ``FlightClock.judge`` finds, by number
+
+
+class Voter:
+    """What is remembered of one source."""
+
+    def __init__(self) -> None:
+        self.lags: deque[tuple[int, int]] = deque(maxlen=256)  # (arrival, lag of the promptest) by turn
+        self.lied_ns: int | None = None  # arrival of its newest lie, None while it is right
+        self.drifts = False
+        self._apart_s: deque[float] = deque(maxlen=DRIFT_S + 1)  # lag beyond the flight's, once a second
+
+    def hear(self, lags: np.ndarray, arrival_ns: int) -> None:
+        """Take (n,) lags of one turn: the second smallest of many, so that one wild stamp is no vote."""
+        few = np.partition(lags, 1)[1] if len(lags) > 2 else lags.min()
+        self.lags.append((arrival_ns, int(few)))
+        while len(self.lags) > FEWEST and arrival_ns - self.lags[0][0] > SPAN_NS:
+            self.lags.popleft()
+
+    def lag_ns(self, now_ns: int, rate: float) -> int:
+        """Its usual lag, carried on to now."""
+        return int(median(lag + rate * (now_ns - arrival) for arrival, lag in self.lags))
+
+    def watch(self, apart_s: float) -> None:
+        """Take its lag beyond the flight's, once a second: does it drift?"""
+        self._apart_s.append(apart_s)
+        steps = [b - a for a, b in pairwise(self._apart_s)]
+        if self.drifts:  # one second that a stall has disturbed does not end it, a jump does
+            recent = [abs(step) for step in steps[-2:]]
+            self.drifts = max(recent) < JUMP_S and max(recent) > DRIFT
+        elif len(steps) == DRIFT_S:
+            up, down = ([DRIFT < sign * step < JUMP_S for step in steps] for sign in (1, -1))
+            self.drifts = all(up) or all(down)
+
+    def span_ns(self) -> int:
+        return self.lags[-1][0] - self.lags[0][0]
+
+    def rate(self) -> float:
+        """How fast its lags grow: the median of slopes (Theil 1950), each over half of the time."""
+        known = list(self.lags)
+        pairs = zip(known, known[len(known) // 2 :], strict=False)
+        slopes = [(b[1] - a[1]) / (b[0] - a[0]) for a, b in pairs if b[0] > a[0]]
+        return median(slopes) if slopes else 0.0
+
+
+class FlightClock:
+    """Hears of every turn's stamps first, settles on a time, then judges them."""
+
+    def __init__(self, voters: Iterable[str], lateness_s: float):
+        self._near_ns = max(round(lateness_s * S), 2 * AHEAD_NS)
+        self._names = set(voters)
+        self._sources: dict[str, Voter] = {}
+        self._lag_ns: int | None = None  # of a measurement without delay, at _now_ns; None: not settled
+        self._rate = 0.0  # growth of all lags: 0 in real time, −1 for a recording at double speed
+        self._now_ns = self._began_ns = self._against_ns = 0
+        self._promptest_ns = 0
+        self._taken = 0, 0  # when, and which lag
+        self._watched_ns = 0
+        self.told: list[tuple[str, str]] = []  # (level, text) of what has happened, for whoever takes it
+
+    @property
+    def now_ns(self) -> int:
+        """The flight's time at the newest turn; the station's own until there is one."""
+        return self._now_ns - (self._lag_ns or 0)
+
+    def latency_s(self, name: str) -> float:
+        """Delay of a source; in a recording, beyond that of the promptest."""
+        if name not in self._sources or self._lag_ns is None:
+            return 0.0
+        base = self._lag_ns if abs(self._lag_ns) > STALE_NS else 0
+        return (self._sources[name].lag_ns(self._now_ns, self._rate) - base) / S
+
+    def hear(self, name: str, t_ns: np.ndarray, arrival_ns: int) -> None:
+        """Take (n,) stamps, n > 0, of one source that arrived in this turn."""
+        self._began_ns = self._began_ns or arrival_ns
+        self._sources.setdefault(name, Voter()).hear(arrival_ns - t_ns, arrival_ns)
+
+    def settle(self, now_ns: int) -> bool:
+        """Vote, once a turn. False while there is no clock yet: rows must wait."""
+        self._heal(now_ns)
+        if self._lag_ns is not None:
+            self._lag_ns += round(self._rate * (now_ns - self._now_ns))
+        self._now_ns = now_ns
+        votes = {
+            name: voter.lag_ns(now_ns, self._rate)
+            for name, voter in self._sources.items()
+            if name in self._names and now_ns - voter.lags[-1][0] <= VOTE_NS
+        }
+        if not votes:
+            return self._lag_ns is not None
+        group = self._largest(votes | {STATION: 0})
+        if self._lag_ns is None:
+            self._begin(votes, group)
+        elif len(group) > 1:
+            self._follow(group)
+        if self._lag_ns is not None:
+            honest = (lag for lag in votes.values() if lag >= self._lag_ns - self._ahead_ns())
+            self._promptest_ns = min(honest, default=self._lag_ns)
+            if now_ns - self._watched_ns >= S and len(group) > 2:
+                self._watched_ns = now_ns
+                for name, lag in votes.items():
+                    if now_ns - self._sources[name].lags[-1][0] < S:
+                        self._sources[name].watch((lag - self._lag_ns) / S)
+        return self._lag_ns is not None
+
+    def judge(self, name: str, t_ns: np.ndarray, arrival_ns: int) -> np.ndarray:
+        """(n,) index into FAULTS of (n,) stamps of one source that arrived together, now or before."""
+        voter, speed = self._sources[name], 1.0 - self._rate
+        since_ns = round(self._rate * (self._now_ns - arrival_ns))
+        lags = arrival_ns - t_ns + since_ns
+        late_ns = self._promptest_ns + round(speed * self._near_ns)
+        fault = np.zeros(len(t_ns), np.int64)
+        fault[lags < (self._lag_ns or 0) - self._ahead_ns()] = 1
+        kept_for_us = arrival_ns == self._began_ns  # by the bridges, and as old as it likes
+        if not kept_for_us:
+            always = len(voter.lags) >= FEWEST and voter.lag_ns(self._now_ns, self._rate) > late_ns
+            fault[lags > late_ns + (0 if always else STALE_NS)] = 2
+        if voter.drifts:
+            fault[fault == 0] = 3
+        if fault.any():
+            self._lied(name, voter, int(lags[fault > 0][-1]), arrival_ns)
+        return fault
+
+    def _ahead_ns(self) -> int:
+        return round(min(AHEAD_NS, self._near_ns / 2) * (1.0 - self._rate))
+
+    def _largest(self, votes: dict[str, int]) -> dict[str, int]:
+        """The group that wins."""
+        width = round(self._near_ns * (1.0 - self._rate))
+        groups = (
+            {name: lag for name, lag in votes.items() if low <= lag <= low + width} for low in votes.values()
+        )
+        return max(groups, key=self._standing)
+
+    def _standing(self, group: dict[str, int]) -> tuple:
+        running = self._lag_ns is not None and abs(_least(group) - self._lag_ns) <= self._near_ns
+        return len(group), running, STATION in group, -abs(min(group.values(), key=abs))
+
+    def _begin(self, votes: dict[str, int], group: dict[str, int]) -> None:
+        """Settle if there is reason to."""
+        paced = any(self._sources[name].span_ns() >= PACED_NS for name in group if name != STATION)
+        if STATION in group and len(group) > 1:
+            self._take(group)
+        elif len(group) > 1 and paced:
+            self._take(group)
+            self._warn(group, "they agree")
+        elif self._now_ns - self._began_ns >= LONE_NS:
+            group = {min(votes, key=lambda name: abs(votes[name])): 0}
+            self._take(group)
+            self._warn(group, "alone" if len(votes) == 1 else "of sources that all differ the nearest")
+
+    def _warn(self, group: Iterable[str], why: str) -> None:
+        far = _far(self._lag_ns or 0)
+        self._tell("warning", f"{_listed(group)}: {far} the station's clock; taken as the flight's, {why}")
+
+    def _follow(self, group: dict[str, int]) -> None:
+        """Keep to the clock that runs; another one needs more votes, and patience."""
+        lag_ns, old_ns = _least(group), self._lag_ns or 0
+        apart_ns = lag_ns - old_ns
+        if abs(apart_ns) <= self._near_ns:
+            self._lag_ns, self._against_ns = lag_ns, 0
+            run_ns, grown_ns = self._now_ns - self._taken[0], lag_ns - self._taken[1]
+            if STATION not in group and run_ns >= PACED_NS:
+                self._rate = _if_not_steady(grown_ns / run_ns)
+        elif 0 < apart_ns < STALE_NS:
+            self._against_ns = 0
+        elif self._against_ns == 0:
+            self._against_ns = self._now_ns
+        elif self._now_ns - self._against_ns >= MOVE_NS:
+            self._take(group)
+            told = f"the flight's clock moves, {_far(apart_ns)} what it was: {_listed(group)} agree on it"
+            self._tell("error", told)
+
+    def _take(self, group: Iterable[str]) -> None:
+        """Take a group's clock for the flight's: its pace, then its time."""
+        voters = {name: self._sources[name] for name in group if name != STATION}
+        rates = [voter.rate() for voter in voters.values() if voter.span_ns() >= PACED_NS]
+        real = STATION in group or not rates
+        self._rate = 0.0 if real else _if_not_steady(median(rates))
+        lags = {name: voter.lag_ns(self._now_ns, self._rate) for name, voter in voters.items()}
+        self._lag_ns, self._against_ns = _least(lags | ({STATION: 0} if STATION in group else {})), 0
+        self._taken = self._now_ns, self._lag_ns
+
+    def _lied(self, name: str, voter: Voter, lag_ns: int, arrival_ns: int) -> None:
+        if voter.lied_ns is None:
+            far = _far(lag_ns - (self._lag_ns or 0))
+            drifts = ", and drifts" if voter.drifts else ""
+            text = f"{name} is stamped {far} the flight's clock{drifts}: refused; set its clock right"
+            self._tell("warning", text)
+        voter.lied_ns = arrival_ns
+
+    def _heal(self, now_ns: int) -> None:
+        for name, voter in self._sources.items():
+            spoke_ns = voter.lags[-1][0]
+            if voter.lied_ns is not None and spoke_ns > voter.lied_ns and now_ns - voter.lied_ns > RIGHT_NS:
+                voter.lied_ns = None
+                self._tell("info", f"{name} is stamped right again: taken")
+
+    def _tell(self, level: str, text: str) -> None:
+        self.told.append((level, text))
+
+
+def _least(group: dict[str, int]) -> int:
+    """Lag without delay: of three or more votes the second smallest; never more than the station's."""
+    lags = sorted(group.values())
+    least = lags[1] if len(lags) > 2 else lags[0]
+    return min(least, 0) if STATION in group else least
+
+
+def _if_not_steady(rate: float) -> float:
+    return rate if abs(rate) > STEADY else 0.0
+
+
+def _far(lag_ns: int) -> str:
+    """In words: ``10.0 s ahead of``."""
+    apart_s = abs(lag_ns) / S
+    size_s, unit = next((of for of in UNITS if apart_s >= 2 * of[0]), (1, "s"))
+    return f"{apart_s / size_s:.1f} {unit} {'behind' if lag_ns > 0 else 'ahead of'}"
+
+
+def _listed(names: Iterable[str]) -> str:
+    return ", ".join(name or "the station's own clock" for name in names)
