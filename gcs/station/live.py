@@ -4,13 +4,14 @@ import statistics
 import threading
 import time
 from collections import Counter, deque
+from collections.abc import Callable, Sequence
 from itertools import groupby
 
 import numpy as np
 
 from gcs.contract import messages
 from gcs.contract.bus import Bus
-from gcs.contract.messages import AirData, Bad, InsMeasurement, PolarMeasurement
+from gcs.contract.messages import ANY, AirData, Bad, InsMeasurement, PolarMeasurement
 from gcs.station.session import Session
 
 SETTLE_S = 1.0  # a restarted station is given what the bridges kept; all of it, before the first row goes in
@@ -18,6 +19,9 @@ POLL_S = 0.01  # how long one turn waits for the first measurement; also how oft
 ASTRAY_NS = 5_000_000_000  # a stamp this far from the flight's clock is a fault of a clock, no delay of ours
 RECORDED_NS = 60_000_000_000  # stamps older than this on arrival come from a recording, not over a slow link
 MEMORY = 101  # arrivals of which the median is a source's usual lag: some seconds, and odd
+
+Arrived = Sequence[tuple[str, ANY]]  # (source, message) in the order of arrival
+Keep = Callable[[int, Arrived], None]
 
 
 class BusFeeds:
@@ -53,26 +57,33 @@ class BusFeeds:
         return self.incoming.age_s
 
 
-def run(session: Session, feeds: BusFeeds, stop: threading.Event) -> dict:
-    """Serve until ``stop``; returns the summary."""
+def run(
+    session: Session, feeds: BusFeeds, stop: threading.Event, keep: Keep = lambda _now_ns, _arrived: None
+) -> dict:
+    """Serve until ``stop``; returns the summary. ``keep`` is given each turn before anything is decided."""
     strangers: Counter = Counter()
     stop.wait(SETTLE_S)
     while not stop.is_set():
-        arrived = sorted(feeds.incoming.drain(POLL_S), key=lambda pair: pair[0])
-        now_ns = time.time_ns()
-        for name, pairs in groupby(arrived, key=lambda pair: pair[0]):
-            found = [message for _, message in pairs]
-            if name in session.ledger.sensors:
-                _enter(session, name, found, feeds, now_ns)
-            elif name == "air":
-                _enter_air(session, found, feeds, now_ns)
-            else:
-                strangers[name] += len(found)
-        session.advance(session.align.due_ns(now_ns))
-        feeds.history = False
+        arrived, now_ns = feeds.incoming.drain(POLL_S), time.time_ns()
+        keep(now_ns, arrived)
+        turn(session, feeds, now_ns, arrived, strangers)
     queue = feeds.incoming
     lost = {"queue_full": queue.dropped, "on_the_way": queue.missed, "undecodable": queue.undecodable}
     return session.finish({"complete": True, "bus": lost, "unknown_sources": dict(strangers)})
+
+
+def turn(session: Session, feeds: BusFeeds, now_ns: int, arrived: Arrived, strangers: Counter) -> None:
+    """One turn: what arrived by ``now_ns`` goes in. A recording is replayed by the same turns again."""
+    for name, pairs in groupby(sorted(arrived, key=lambda pair: pair[0]), key=lambda pair: pair[0]):
+        found = [message for _, message in pairs]
+        if name in session.ledger.sensors:
+            _enter(session, name, found, feeds, now_ns)
+        elif name == "air":
+            _enter_air(session, found, feeds, now_ns)
+        else:
+            strangers[name] += len(found)
+    session.advance(session.align.due_ns(now_ns))
+    feeds.history = False
 
 
 def _enter(session: Session, name: str, found: list, feeds: BusFeeds, now_ns: int) -> None:
