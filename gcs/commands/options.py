@@ -12,6 +12,7 @@ from cyclopts import Parameter
 
 from gcs.contract.limits import FASTEST, LONGEST_S
 from gcs.contract.messages import InputError
+from gcs.outputs.console import say
 
 StationFile = Annotated[
     Path | None, Parameter(help="station.toml; needed as soon as there are ground sensors")
@@ -69,6 +70,23 @@ def seconds_of(seconds: float | None) -> float | None:
     if seconds is not None and not 0 < seconds <= LONGEST_S:
         raise InputError(f"--seconds {seconds:g}: expected a number above 0 up to {LONGEST_S:g}")
     return seconds
+
+
+def run_folder(out: Path) -> Path:
+    """``out`` where it is empty, else the first of OUT-2, OUT-3 … that is: a record is never written over.
+
+    Raises ``InputError``.
+    """
+    folder, number = writable(out), 1
+    named = out.resolve()  # "." and ".." are no names to number
+    while any(folder.iterdir()):
+        if not named.name:
+            raise InputError(f"--out {out}: not empty; name a folder")
+        number += 1
+        folder = writable((out if out.name == named.name else named).with_name(f"{named.name}-{number}"))
+    if folder != out:
+        say(f"{out} is not empty; this run goes into {folder}")
+    return folder
 
 
 def writable(folder: Path) -> Path:

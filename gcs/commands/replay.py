@@ -8,7 +8,17 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from gcs.commands.compose import new_session, open_bus, open_view, targets
-from gcs.commands.options import Config, Correction, Feeds, Method, StationFile, on_signal, speed_of, writable
+from gcs.commands.options import (
+    Config,
+    Correction,
+    Feeds,
+    Method,
+    StationFile,
+    on_signal,
+    run_folder,
+    speed_of,
+    writable,
+)
 from gcs.contract import config as configuration
 from gcs.contract.messages import InputError
 from gcs.learning.network import correction_of
@@ -40,7 +50,7 @@ def command(
     if out:
         writable(out)
     loaded = driver.load(flight, resolved, _feed_paths(feed))
-    folder = writable(out or Path("logs/runs") / stamp(loaded.start_ns))
+    folder = run_folder(out or Path("logs/runs") / stamp(loaded.start_ns))
     heard = driver.heard(resolved, loaded.feeds)
     playback = driver.Playback(loaded.start_ns, loaded.end_ns, pace)
     with ExitStack() as stack:

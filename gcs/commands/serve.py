@@ -9,7 +9,7 @@ from pathlib import Path
 
 from filters.correction.correction import off
 from gcs.commands.compose import new_session, open_bus, open_view, targets
-from gcs.commands.options import seconds_of, writable
+from gcs.commands.options import run_folder, seconds_of
 from gcs.contract import messages
 from gcs.contract.config import Station
 from gcs.contract.frames import Frame, scene
@@ -60,7 +60,7 @@ def serve(
         raise InputError("live operation needs [range] origin in the station file: every frame hangs on it")
     seconds = seconds_of(seconds)
     frame = Frame(*(getattr(station.range.origin, name) for name in ("lat_deg", "lon_deg", "alt_m")))
-    folder = writable(out or Path("logs/runs") / stamp(time.time_ns()))
+    folder = run_folder(out or Path("logs/runs") / stamp(time.time_ns()))
     with ExitStack() as stack:
         bus = stack.enter_context(open_bus(station))
         shown = open_view(station, frame) if view else None
