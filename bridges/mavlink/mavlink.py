@@ -9,6 +9,7 @@ The same formulas and the same rules as for a log (``bridges/mavlink/autopilot.p
 
 import socket
 import time
+from collections.abc import Callable
 from contextlib import closing
 from threading import Event as Flag
 from typing import TYPE_CHECKING, Any
@@ -30,6 +31,9 @@ KNOCK_S = 1.0
 CLIP = 32  # bytes of a damaged frame shown
 CLIMBS = 100  # positions after which the sign of the climb rate is looked at again
 AUTOPILOT = 1  # MAV_COMP_ID_AUTOPILOT1, the component listened to until a HEARTBEAT came
+
+
+Keep = Callable[[int, bytes], None]
 
 
 class LinkError(InputError):
@@ -203,8 +207,10 @@ def _known(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
-def run(link: str, system_id: int | None, bus: "Bus", stop: Flag) -> None:
+def run(link: str, system_id: int | None, bus: "Bus", stop: Flag, keep: Keep | None = None) -> None:
     """Publish ``raw/ins`` and ``raw/air`` from ``link`` (any pymavlink address) until ``stop`` is set.
+
+    ``keep`` is given every good frame of every system on the link, with its arrival in ns.
 
     Without a ``system_id`` it is the first autopilot heard.
 
@@ -219,7 +225,7 @@ def run(link: str, system_id: int | None, bus: "Bus", stop: Flag) -> None:
             with closing(_open(link)) as port:
                 _tell(bus, "info", f"{link}: listening for vehicle {system_id or '(any)'}")
                 lost = False
-                _listen(port, decoder, bus, stop)
+                _listen(port, decoder, bus, stop, keep)
         except OSError as error:
             if not lost:
                 _tell(bus, "warning", f"{link}: {error.strerror or error}; trying again every {RETRY_S:g} s")
@@ -227,7 +233,7 @@ def run(link: str, system_id: int | None, bus: "Bus", stop: Flag) -> None:
             stop.wait(RETRY_S)
 
 
-def _listen(port, decoder: Decoder, bus, stop: Flag) -> None:
+def _listen(port, decoder: Decoder, bus, stop: Flag, keep: Keep | None) -> None:
     heard, silent, knocked, readable = time.monotonic(), False, -KNOCK_S, False
     knock, stream = decoder.link.startswith("udpout:"), decoder.link.startswith("tcp:")
     while not stop.is_set():
@@ -246,7 +252,10 @@ def _listen(port, decoder: Decoder, bus, stop: Flag) -> None:
             readable = port.select(POLL_S)
             continue
         readable = False
-        measurement = decoder.decode(message, time.time_ns())
+        arrival_ns = time.time_ns()
+        if keep and message.get_type() != "BAD_DATA":
+            keep(arrival_ns, bytes(message.get_msgbuf()))
+        measurement = decoder.decode(message, arrival_ns)
         if measurement is not None:
             bus.publish("raw", measurement, "air" if isinstance(measurement, AirData) else "ins")
         if message.get_srcSystem() == decoder.system_id:

@@ -99,3 +99,13 @@ def writable(folder: Path) -> Path:
         why = getattr(error, "strerror", None) or error
         raise InputError(f"--out {folder}: {why}; name a folder that can be written") from None
     return folder
+
+
+def new_file(path: Path) -> Path:
+    """A file that is not there yet and could be written. Raises ``InputError``."""
+    try:
+        path.open("xb").close()
+    except (OSError, ValueError) as error:
+        why = getattr(error, "strerror", None) or error
+        raise InputError(f"{path}: {why}; name a new file in a folder that is there") from None
+    return path

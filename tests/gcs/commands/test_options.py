@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from gcs.commands.options import run_folder
+from gcs.commands.options import new_file, run_folder
 from gcs.contract.messages import InputError
 
 
@@ -37,3 +37,10 @@ def test_odd_folders_are_refused(tmp_path, name):
     (tmp_path / "file").touch()
     with pytest.raises(InputError, match="--out"):
         run_folder(tmp_path / name)
+
+
+def test_a_new_file_is_new(tmp_path):
+    assert new_file(tmp_path / "link.tlog") == tmp_path / "link.tlog"
+    for path in (tmp_path / "link.tlog", tmp_path / "nowhere" / "link.tlog", tmp_path / "nul\0"):
+        with pytest.raises(InputError, match="name a new file"):
+            new_file(path)
