@@ -8,14 +8,16 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from filters.correction.correction import off
-from gcs.commands.compose import new_session, open_bus, open_view, targets
+from gcs import __version__
+from gcs.commands.compose import announcer, new_session, open_bus, open_view, targets
 from gcs.commands.options import run_folder, seconds_of
 from gcs.contract import messages
 from gcs.contract.config import Station
-from gcs.contract.frames import Frame, scene
+from gcs.contract.frames import origin_frame, scene
 from gcs.contract.messages import InputError
 from gcs.outputs.console import say
 from gcs.outputs.record import stamp
+from gcs.outputs.recording import RunRecorder
 from gcs.station import live
 
 
@@ -56,10 +58,8 @@ def serve(
     ``beside`` is called when the station is ready: the demo starts its feeds there, and returns an event that
     says when they are over.
     """
-    if station.range.origin is None:
-        raise InputError("live operation needs [range] origin in the station file: every frame hangs on it")
+    frame = origin_frame(station)
     seconds = seconds_of(seconds)
-    frame = Frame(*(getattr(station.range.origin, name) for name in ("lat_deg", "lon_deg", "alt_m")))
     folder = run_folder(out or Path("logs/runs") / stamp(time.time_ns()))
     with ExitStack() as stack:
         bus = stack.enter_context(open_bus(station))
@@ -68,13 +68,20 @@ def serve(
             stack.callback(shown.close)
         say("compiling the filter (once; cached for the next start)")
         feeds = live.BusFeeds(bus)
-        session = new_session(station, frame, folder, method, targets(bus, shown), feeds, correction)
+        send_to = targets(bus, shown)
+        about = {"software": "gcs", "version": __version__, "method": method}
+        about["correction"] = "off" if correction is off else "on"
+        recorder = RunRecorder(folder, station, frame, announcer(send_to), about)
+        stack.callback(recorder.end)
+        session = new_session(
+            station, frame, recorder, method, [*send_to, recorder.target], feeds, correction
+        )
         still = scene(station, frame)
         bus.publish("scene", still)
         bus.serve("scene", lambda: messages.encode(still))
         bus.serve("schema", lambda: (json.dumps(messages.schema()).encode(), messages.JSON))
         if station.mavlink.link:
-            worker = Worker(lambda: _mavlink(station, bus, stop), stop)
+            worker = Worker(lambda: _mavlink(station, bus, stop, recorder.link), stop)
             worker.start()
             stack.callback(worker.done)
             stack.callback(stop.set)
@@ -86,14 +93,14 @@ def serve(
             timer = threading.Timer(seconds, stop.set)
             timer.daemon = True
             timer.start()
-        live.run(session, feeds, over)
+        live.run(session, feeds, over, recorder.turn)
         if shown and not stop.is_set():
             say("the flight is over; the view stays until Ctrl-C")
             stop.wait()
     say(f"run folder: {folder}")
 
 
-def _mavlink(station: Station, bus, stop: threading.Event) -> None:
+def _mavlink(station: Station, bus, stop: threading.Event, keep: Callable[[int, bytes], None]) -> None:
     from bridges.mavlink import mavlink
 
-    mavlink.run(station.mavlink.link, station.vehicle.system_id, bus, stop)
+    mavlink.run(station.mavlink.link, station.vehicle.system_id, bus, stop, keep)

@@ -57,6 +57,8 @@ class RunFile:
 
     def flush(self) -> None:
         """Put on the disk what waits, unless the disk has refused within the last second."""
+        if self._descriptor is None and not self._waiting:
+            return  # no file without content
         now_s = time.monotonic()
         if self._failing and now_s < self._next_try_s:
             return
@@ -153,14 +155,14 @@ class Beside:
     """A thread that does what is put to it, one after the other. What it has no room for is refused."""
 
     def __init__(self) -> None:
-        self._work: deque[tuple[Callable[[], None], int]] = deque()
+        self._work: deque[tuple[Callable[[], object], int]] = deque()
         self._size = 0
         self._changed = threading.Condition()
         self._ended = False
         self._thread = threading.Thread(target=self._run, name="run folder", daemon=True)
         self._thread.start()
 
-    def put(self, work: Callable[[], None], size: int = 1, *, refuse: bool = True) -> bool:
+    def put(self, work: Callable[[], object], size: int = 1, *, refuse: bool = True) -> bool:
         """Have ``work`` done; false where more than ``WAITING_WORK`` would wait, by ``size``."""
         with self._changed:
             if refuse and self._size + size > WAITING_WORK:

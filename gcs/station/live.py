@@ -6,13 +6,16 @@ import time
 from collections import Counter, deque
 from collections.abc import Callable, Sequence
 from itertools import groupby
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from gcs.contract import messages
-from gcs.contract.bus import Bus
 from gcs.contract.messages import ANY, AirData, Bad, InsMeasurement, PolarMeasurement
 from gcs.station.session import Session
+
+if TYPE_CHECKING:  # a replay of a recording takes the same turns, and needs no zenoh
+    from gcs.contract.bus import Bus
 
 SETTLE_S = 1.0  # a restarted station is given what the bridges kept; all of it, before the first row goes in
 POLL_S = 0.01  # how long one turn waits for the first measurement; also how often a hold can run out
@@ -27,7 +30,7 @@ Keep = Callable[[int, Arrived], None]
 class BusFeeds:
     """The measurements on the bus. The flight's clock is the INS's, else that of the first source."""
 
-    def __init__(self, bus: Bus):
+    def __init__(self, bus: "Bus"):
         self._bus = bus
         self.incoming = bus.subscribe("raw/*")
         self.history = True  # what comes first was kept for us, and may be as old as it likes

@@ -159,7 +159,7 @@ def test_a_run_that_is_cut_off_leaves_what_was_final(tmp_path):
 
 
 def test_playback_pauses_seeks_and_ends():
-    playback = replay.Playback(0, 10 * replay.STEP_NS, float("inf"))
+    playback = replay.Playback(0, 10 * replay.STEP_NS, np.arange(0, 10 * replay.STEP_NS, 10**8), float("inf"))
     assert playback.upto() == replay.STEP_NS
     playback.pause()
     playback.seek(5 * replay.STEP_NS)
@@ -184,7 +184,7 @@ def test_feeds_alone_are_a_flight(tmp_path):
     flight = replay.load(None, station, feeds)
     station = replay.heard(station, feeds)
     assert [sensor.name for sensor in station.sensor] == list(feeds)
-    playback = replay.Playback(flight.start_ns, flight.end_ns, float("inf"))
+    playback = replay.Playback(flight.start_ns, flight.end_ns, flight.times_ns, float("inf"))
 
     def session() -> Session:
         return Session(station, flight.frame, [Record(tmp_path, station, flight.frame)])

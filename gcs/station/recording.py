@@ -1,0 +1,162 @@
+"""A recording of a live run: what came in, in the turns in which the station took it; and its replay.
+
+===========================  ==========================================================================
+attachment ``station.toml``  the station, every default written out
+metadata ``gcs``             software, version, method, correction
+topic ``/raw/SOURCE``        what came in, before any decision: JSON as on the bus, MessagePack where a
+                             number is infinite; the channel's metadata name the ``source``. Not its usual
+                             kind of measurement, such as a damaged line: ``/raw/SOURCE/TYPE``
+topic ``/turn``              ends each turn: its number from 0, and how many messages it has. The log time
+                             of all of them is the station's clock at that turn
+``/state/…  /tf  /events``   the cleaned state and events for Foxglove; a replay does not read them
+===========================  ==========================================================================
+
+A chunk ends with a turn, about twice a second, and is written at once. A recording that was cut off anywhere
+is read up to its last whole chunk; one that is damaged in the middle, without the damaged chunks.
+"""
+
+import struct
+from collections import Counter
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import msgspec
+import numpy as np
+import zstandard
+from mcap.exceptions import McapError
+from mcap.records import Attachment, Channel, Chunk, Footer, McapRecord, Message, Metadata
+from mcap.stream_reader import StreamReader, breakup_chunk
+
+from gcs.contract import messages
+from gcs.contract.messages import ANY, InputError
+from gcs.station import live
+from gcs.station.session import Session
+
+RECORDING = "run.mcap"
+STATION, ABOUT = "station.toml", "gcs"
+TURN, RAW = "/turn", "/raw"
+MEDIA = {"json": messages.JSON, "msgpack": messages.MSGPACK}
+LARGEST = 2**28  # bytes of one record; a length beyond it is damage
+DAMAGE = (McapError, zstandard.ZstdError, struct.error, ValueError)
+
+
+class TurnMark(msgspec.Struct, frozen=True):
+    """Ends a turn in the file."""
+
+    number: int
+    messages: int
+
+
+class Turn(NamedTuple):
+    """What arrived, (source, message) in order, and the station's clock at that moment."""
+
+    number: int
+    now_ns: int
+    arrived: list[tuple[str, ANY]]
+
+
+class SilentBus:
+    """Stands for the bus in a replay: all sources are there, nothing comes over it."""
+
+    def __init__(self, names: list[str]):
+        self._names = set(names)
+
+    def subscribe(self, *_subjects: str) -> None: ...
+
+    def alive(self) -> set[str]:
+        return self._names
+
+
+class Recording:
+    """A recorded run as a flight to replay."""
+
+    def __init__(self, path: Path):
+        """Read what it says of itself. Raises ``InputError`` where nothing can be replayed."""
+        self.path = path
+        self.station_text, self.settings = "", dict[str, str]()
+        spans = []
+        for record in self._records():
+            if isinstance(record, Attachment) and record.name == STATION:
+                self.station_text = record.data.decode()
+            elif isinstance(record, Metadata) and record.name == ABOUT:
+                self.settings = dict(record.metadata)
+            elif isinstance(record, Chunk):
+                spans.append((record.message_start_time, record.message_end_time))
+        if not self.station_text or not self.settings:
+            raise InputError(f"{path}: no recording of a run, or cut off before its station file")
+        if not spans:
+            raise InputError(f"{path}: holds no whole chunk: the run ended within its first half second")
+        self.times_ns = np.maximum.accumulate(np.array(spans, np.int64).ravel())  # a clock may step back
+        self.start_ns, self.end_ns = int(self.times_ns[0]), int(self.times_ns[-1])
+        self.about: dict = {}
+
+    def player(self, session: Session) -> Callable[[int], None]:
+        """Gives a function that takes every turn up to a time into ``session``, as the live station did."""
+        feeds = live.BusFeeds(SilentBus(session.ledger.sensors))  # type: ignore[arg-type]
+        strangers: Counter = Counter()
+        self.about = {"recording": {"turns": 0, "missing_turns": 0, "ended": False}}
+        turns = self.turns()
+        waiting: Turn | None = next(turns, None)
+        done = -1
+
+        def take(upto_ns: int) -> None:
+            nonlocal waiting, done
+            told = self.about["recording"]
+            while waiting and waiting.now_ns <= upto_ns:
+                live.turn(session, feeds, waiting.now_ns, waiting.arrived, strangers)
+                told["turns"] += 1
+                told["missing_turns"] += waiting.number - done - 1
+                done = waiting.number
+                waiting = next(turns, None)
+            self.about["unknown_sources"] = dict(strangers)
+
+        return take
+
+    def turns(self) -> Iterator[Turn]:
+        """Every whole turn, in order. A turn of which a message is missing is left out."""
+        channels: dict[int, Channel] = {}
+        arrived: list[tuple[str, ANY]] = []
+        for record in self._whole():
+            if isinstance(record, Channel):
+                channels[record.id] = record
+            elif isinstance(record, Message) and (channel := channels.get(record.channel_id)):
+                if source := channel.metadata.get("source"):
+                    arrived.append((source, self._decode(record, channel)))
+                elif channel.topic == TURN:
+                    mark = msgspec.json.decode(record.data, type=TurnMark)
+                    if mark.messages == len(arrived):
+                        yield Turn(mark.number, record.log_time, arrived)
+                    arrived = []
+
+    def _decode(self, record: Message, channel: Channel) -> ANY:
+        try:
+            return messages.decode(record.data, MEDIA[channel.message_encoding])
+        except (msgspec.DecodeError, LookupError) as error:
+            by = self.settings.get("version", "unknown")
+            raise InputError(
+                f"{self.path}: {channel.topic}: {error}; recorded by gcs {by}, use that"
+            ) from None
+
+    def _whole(self) -> Iterator[McapRecord]:
+        """The records in whole chunks."""
+        for record in self._records():
+            if isinstance(record, Footer) and self.about:
+                self.about["recording"]["ended"] = True
+            if not isinstance(record, Chunk):
+                continue
+            try:
+                parts = breakup_chunk(record, validate_crc=True)
+            except DAMAGE:
+                continue  # shows as missing turns
+            yield from parts
+
+    def _records(self) -> Iterator[McapRecord]:
+        """The file's own records, up to where it was cut off."""
+        try:
+            with self.path.open("rb") as file:
+                yield from StreamReader(file, emit_chunks=True, record_size_limit=LARGEST).records
+        except OSError as error:
+            raise InputError(f"{self.path}: {error.strerror}; name a recording, run.mcap") from None
+        except DAMAGE:
+            return
