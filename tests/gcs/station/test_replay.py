@@ -2,6 +2,7 @@
 
 import csv
 import json
+import time
 from collections import Counter
 from itertools import pairwise
 from pathlib import Path
@@ -170,6 +171,33 @@ def test_playback_pauses_seeks_and_ends():
     assert playback.upto() == replay.STEP_NS
     playback.stop()
     assert playback.upto() == replay.STEP_NS
+
+
+YEARS_NS = 5 * 365 * 86_400 * 10**9
+
+
+@pytest.mark.parametrize("speed", [10.0, float("inf")])
+def test_years_between_two_logs_are_passed_over(speed):
+    """Two seconds of data, five years of nothing, two seconds: as long as four seconds."""
+    second = np.arange(0, 2 * replay.STEP_NS, 10**8)
+    times_ns = np.concatenate([second, YEARS_NS + second])
+    end_ns = int(times_ns[-1])
+    playback = replay.Playback(0, end_ns, times_ns, speed)
+    steps = []
+    while not steps or steps[-1] < end_ns:
+        steps.append(playback.upto())
+        time.sleep(0.001)
+        assert len(steps) < 10_000
+    assert steps == sorted(steps)
+    assert not [step for step in steps if replay.EMPTY_NS < step < YEARS_NS]
+    playback.pause()
+    playback.seek(0)
+    assert playback.upto() is None
+    playback.seek(YEARS_NS + 10**9)
+    for _ in range(10):
+        if (reached := playback.upto()) == YEARS_NS + 10**9:
+            break
+    assert reached == YEARS_NS + 10**9
 
 
 def test_summary_is_json_without_nan(run):
