@@ -72,6 +72,15 @@ def seconds_of(seconds: float | None) -> float | None:
     return seconds
 
 
+def known_method(name: str) -> str:
+    """The estimator's name, before anything is opened or written. Raises ``InputError``."""
+    from filters.methods import METHODS  # numba takes its time: not for --help
+
+    if name not in METHODS:
+        raise InputError(f"--method {name}: unknown method; choose one of {', '.join(METHODS)}")
+    return name
+
+
 def run_folder(out: Path) -> Path:
     """``out`` where it is empty, else the first of OUT-2, OUT-3 … that is: a record is never written over.
 

@@ -15,6 +15,7 @@ from gcs.commands.options import (
     Feeds,
     Method,
     StationFile,
+    known_method,
     on_signal,
     run_folder,
     speed_of,
@@ -57,9 +58,10 @@ def command(
     loaded, heard, frame, recorded = _flight(flight, station, _feed_paths(feed), config)
     if recorded.get("correction", "off") != "off" and correction == "off":
         say(f"{flight}: flown with a correction network; --correction FILE gives the same result again")
-    estimator = method or recorded.get("method", "default")
+    estimator = known_method(method or recorded.get("method", "default"))
     folder = run_folder(out or Path("logs/runs") / stamp(loaded.start_ns))
     playback = driver.Playback(loaded.start_ns, loaded.end_ns, loaded.times_ns, pace)
+    records: list[Record] = []
     with ExitStack() as stack:
         bus = stack.enter_context(open_bus(heard)) if publish else None
         shown = open_view(heard, frame, playback) if view else None
@@ -71,8 +73,8 @@ def command(
             if shown:
                 shown.clear()
             send_to = targets(bus, shown)
-            record = Record(folder, heard, frame, announcer(send_to))
-            return new_session(heard, frame, record, estimator, send_to, Files(), learned)
+            records.append(Record(folder, heard, frame, announcer(send_to)))
+            return new_session(heard, frame, records[-1], estimator, send_to, Files(), learned)
 
         on_signal(playback.stop)
         summary = driver.run(loaded, session, playback, stay=view)
@@ -80,6 +82,8 @@ def command(
     if not summary["complete"] and not view:
         say("stopped before the end of the flight")
         sys.exit(1)
+    if records[-1].missing:
+        sys.exit(1)  # the record has told what is missing
 
 
 def _flight(

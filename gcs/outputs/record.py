@@ -35,6 +35,7 @@ class Record:
 
     def __init__(self, folder: Path, station: Station, frame: Frame, tell: Tell = to_operator):
         self._folder, self._frame, self._tell = folder, frame, tell
+        self.missing: dict[str, int] = {}  # rows by file, known at the end
         (folder / "summary.json").unlink(missing_ok=True)  # no summary: the run did not end
         self._replace("station.toml", [dump(station)])
         self._track = self._open("track.csv", TRACK_HEADER)
@@ -57,7 +58,8 @@ class Record:
         files = self._track, self._smoothed, self._verdicts
         for file in files:
             file.close(PATIENCE_S)
-        missing = {file.path.name: file.lost for file in files if file.lost} | summary.get("not_written", {})
+        missing = self.missing
+        missing |= {file.path.name: file.lost for file in files if file.lost} | summary.get("not_written", {})
         pieces = (best[k : k + PIECE] for k in range(0, len(best), PIECE))
         if self._replace(
             "smoothed.csv", chain([TRACK_HEADER], (track_lines(p, self._frame) for p in pieces))

@@ -195,8 +195,13 @@ class RunRecorder:
 
     def _end(self) -> None:
         self._mcap.end()
-        self._mcap.file.close(LAST_TRY_S)
         self._link.close(LAST_TRY_S)
+        self._mcap.file.close(LAST_TRY_S)
+        for file in (self._link.file, self._mcap.file):
+            if file.lost:
+                self._notes.append(
+                    ("error", f"{file.path}: ends early, {file.lost} frames or turns are missing")
+                )
 
     def _put(self, work: Callable[[], object], size: int, units: dict[str, int]) -> None:
         """Have it done beside, or count what is refused, by file."""
