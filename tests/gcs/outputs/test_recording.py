@@ -2,6 +2,7 @@
 
 import json
 import threading
+import time
 from pathlib import Path
 
 import numpy as np
@@ -139,3 +140,19 @@ def test_the_links_tlog_is_one_that_others_read(recorder, tmp_path):
     for name in before.rows.dtype.names:
         if name != "arrival_ns":
             np.testing.assert_array_equal(before.rows[name], after.rows[name])
+
+
+def test_a_kill_costs_less_than_a_second(recorder, turns, tmp_path, monkeypatch):
+    """Whatever the instant, all turns but those of the last FLUSH_S are in whole chunks on the disk."""
+    assert recording.FLUSH_S < 0.5
+    begun, clock = time.monotonic() + 10.0, []
+    monkeypatch.setattr(recording.time, "monotonic", lambda: begun + clock[-1])
+    for now_ns, arrived in turns:
+        clock.append((now_ns - turns[0][0]) / 1e9)
+        recorder.turn(now_ns, arrived)
+        written = threading.Event()
+        recorder._beside.put(written.set)
+        assert written.wait(10.0)
+        kept = [turn.now_ns for turn in Recording(tmp_path / "run.mcap").turns()]
+        assert now_ns - kept[-1] <= 1e9 * recording.FLUSH_S + made.TURN_NS
+    recorder.end()
