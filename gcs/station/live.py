@@ -27,12 +27,11 @@ Arrived = Sequence[tuple[str, ANY]]  # (source, message) in the order of arrival
 Keep = Callable[[int, Arrived], None]
 
 
-class BusFeeds:
-    """The measurements on the bus. The flight's clock is the INS's, else that of the first source."""
+class Arrivals:
+    """What live turns remember. The flight's clock is the INS's, else that of the first source."""
 
-    def __init__(self, bus: "Bus"):
-        self._bus = bus
-        self.incoming = bus.subscribe("raw/*")
+    def __init__(self) -> None:
+        self.strangers: Counter = Counter()  # messages of sources that the station file does not name
         self.history = True  # what comes first was kept for us, and may be as old as it likes
         self._lags_ns: dict[str, deque] = {}
 
@@ -52,6 +51,15 @@ class BusFeeds:
         recorded = least if abs(least) > RECORDED_NS else 0
         return (usual.get(name, recorded) - recorded) / 1e9
 
+
+class BusFeeds(Arrivals):
+    """The measurements on the bus, and what only the bus knows of their sources."""
+
+    def __init__(self, bus: "Bus"):
+        super().__init__()
+        self._bus = bus
+        self.incoming = bus.subscribe("raw/*")
+
     def alive(self, name: str) -> bool:
         """Does the source hold its liveliness token?"""
         return name in self._bus.alive()
@@ -64,32 +72,36 @@ def run(
     session: Session, feeds: BusFeeds, stop: threading.Event, keep: Keep = lambda _now_ns, _arrived: None
 ) -> dict:
     """Serve until ``stop``; returns the summary. ``keep`` is given each turn before anything is decided."""
-    strangers: Counter = Counter()
     stop.wait(SETTLE_S)
     while not stop.is_set():
-        arrived, now_ns = feeds.incoming.drain(POLL_S), time.time_ns()
-        keep(now_ns, arrived)
-        turn(session, feeds, now_ns, arrived, strangers)
+        arrived, arrival_ns = feeds.incoming.drain(POLL_S), time.time_ns()
+        keep(arrival_ns, arrived)
+        turn(session, feeds, arrived, arrival_ns)
     queue = feeds.incoming
     lost = {"queue_full": queue.dropped, "on_the_way": queue.missed, "undecodable": queue.undecodable}
-    return session.finish({"complete": True, "bus": lost, "unknown_sources": dict(strangers)})
+    return finish(session, feeds, {"complete": True, "bus": lost})
 
 
-def turn(session: Session, feeds: BusFeeds, now_ns: int, arrived: Arrived, strangers: Counter) -> None:
-    """One turn: what arrived by ``now_ns`` goes in. A recording is replayed by the same turns again."""
+def turn(session: Session, feeds: Arrivals, arrived: Arrived, arrival_ns: int) -> None:
+    """One turn: what arrived by then goes in. The same turns, as of a recording, give the same results."""
     for name, pairs in groupby(sorted(arrived, key=lambda pair: pair[0]), key=lambda pair: pair[0]):
         found = [message for _, message in pairs]
         if name in session.ledger.sensors:
-            _enter(session, name, found, feeds, now_ns)
+            _enter(session, name, found, feeds, arrival_ns)
         elif name == "air":
-            _enter_air(session, found, feeds, now_ns)
+            _enter_air(session, found, feeds, arrival_ns)
         else:
-            strangers[name] += len(found)
-    session.advance(session.align.due_ns(now_ns))
+            feeds.strangers[name] += len(found)
+    session.advance(session.align.due_ns(arrival_ns))
     feeds.history = False
 
 
-def _enter(session: Session, name: str, found: list, feeds: BusFeeds, now_ns: int) -> None:
+def finish(session: Session, feeds: Arrivals, about: dict) -> dict:
+    """The end of the turns; returns the summary."""
+    return session.finish(about | {"unknown_sources": dict(feeds.strangers)})
+
+
+def _enter(session: Session, name: str, found: list, feeds: Arrivals, now_ns: int) -> None:
     """One source's messages into the session; no measurement of its kind, or astray: complained of."""
     intake = session.intake
     kind = InsMeasurement if name == "ins" else PolarMeasurement
@@ -105,7 +117,7 @@ def _enter(session: Session, name: str, found: list, feeds: BusFeeds, now_ns: in
         session.enter(batch, now_ns)
 
 
-def _enter_air(session: Session, found: list, feeds: BusFeeds, now_ns: int) -> None:
+def _enter_air(session: Session, found: list, feeds: Arrivals, now_ns: int) -> None:
     samples = messages.to_columns([m for m in found if isinstance(m, AirData)], AirData)
     session.enter_air(samples[~feeds.astray("air", samples["t_ns"], now_ns)])
 

@@ -16,8 +16,7 @@ is read up to its last whole chunk; one that is damaged in the middle, without t
 """
 
 import struct
-from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -56,18 +55,6 @@ class Turn(NamedTuple):
     arrived: list[tuple[str, ANY]]
 
 
-class SilentBus:
-    """Stands for the bus in a replay: all sources are there, nothing comes over it."""
-
-    def __init__(self, names: list[str]):
-        self._names = set(names)
-
-    def subscribe(self, *_subjects: str) -> None: ...
-
-    def alive(self) -> set[str]:
-        return self._names
-
-
 class Recording:
     """A recorded run as a flight to replay."""
 
@@ -89,29 +76,10 @@ class Recording:
             raise InputError(f"{path}: holds no whole chunk: the run ended within its first half second")
         self.times_ns = np.maximum.accumulate(np.array(spans, np.int64).ravel())  # a clock may step back
         self.start_ns, self.end_ns = int(self.times_ns[0]), int(self.times_ns[-1])
-        self.about: dict = {}
+        self.ended = False  # has the end of the file been read, with its index?
 
-    def player(self, session: Session) -> Callable[[int], None]:
-        """Gives a function that takes every turn up to a time into ``session``, as the live station did."""
-        feeds = live.BusFeeds(SilentBus(session.ledger.sensors))  # type: ignore[arg-type]
-        strangers: Counter = Counter()
-        self.about = {"recording": {"turns": 0, "missing_turns": 0, "ended": False}}
-        turns = self.turns()
-        waiting: Turn | None = next(turns, None)
-        done = -1
-
-        def take(upto_ns: int) -> None:
-            nonlocal waiting, done
-            told = self.about["recording"]
-            while waiting and waiting.now_ns <= upto_ns:
-                live.turn(session, feeds, waiting.now_ns, waiting.arrived, strangers)
-                told["turns"] += 1
-                told["missing_turns"] += waiting.number - done - 1
-                done = waiting.number
-                waiting = next(turns, None)
-            self.about["unknown_sources"] = dict(strangers)
-
-        return take
+    def replay(self, session: Session) -> "RunReplay":
+        return RunReplay(self, session)
 
     def turns(self) -> Iterator[Turn]:
         """Every whole turn, in order. A turn of which a message is missing is left out."""
@@ -141,8 +109,7 @@ class Recording:
     def _whole(self) -> Iterator[McapRecord]:
         """The records in whole chunks."""
         for record in self._records():
-            if isinstance(record, Footer) and self.about:
-                self.about["recording"]["ended"] = True
+            self.ended |= isinstance(record, Footer)
             if not isinstance(record, Chunk):
                 continue
             try:
@@ -160,3 +127,26 @@ class Recording:
             raise InputError(f"{self.path}: {error.strerror}; name a recording, run.mcap") from None
         except DAMAGE:
             return
+
+
+class RunReplay:
+    """The turns of a recording, taken again by a session."""
+
+    def __init__(self, recording: Recording, session: Session):
+        self._recording, self._session = recording, session
+        self._arrivals = live.Arrivals()
+        self._turns = recording.turns()
+        self._next = next(self._turns, None)
+        self._taken, self._last = 0, -1  # turns so far, number of the last one
+
+    def take(self, upto_ns: int) -> None:
+        """Every turn up to ``upto_ns`` of the station's clock."""
+        while self._next and self._next.now_ns <= upto_ns:
+            live.turn(self._session, self._arrivals, self._next.arrived, self._next.now_ns)
+            self._taken, self._last = self._taken + 1, self._next.number
+            self._next = next(self._turns, None)
+
+    def finish(self, *, complete: bool) -> dict:
+        missing = self._last + 1 - self._taken
+        told = {"turns": self._taken, "missing_turns": missing, "ended": self._recording.ended}
+        return live.finish(self._session, self._arrivals, {"complete": complete, "recording": told})

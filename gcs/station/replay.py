@@ -42,20 +42,36 @@ class MeasuredFlight(NamedTuple):
         feeds = (rows["t_ns"] for rows, _ in self.feeds.values())
         return np.sort(np.concatenate([self.ins["t_ns"], self.air["t_ns"], *feeds]))
 
-    def player(self, session: Session) -> Callable[[int], None]:
-        """Gives a function that takes what is valid up to a time into ``session``."""
-        whole = batch(self, session.intake)
-        session.enter_air(self.air)
-        taken = 0
+    def replay(self, session: Session) -> "FlightReplay":
+        return FlightReplay(self, session)
 
-        def take(upto_ns: int) -> None:
-            nonlocal taken
-            until = int(np.searchsorted(whole.valid_ns, upto_ns, side="right"))
-            session.enter(Batch(*(column[taken:until] for column in whole)))
-            session.advance(upto_ns)
-            taken = until
 
-        return take
+class FlightReplay:
+    """A measured flight on its way into a session."""
+
+    def __init__(self, flight: MeasuredFlight, session: Session):
+        self._about, self._session = flight.about, session
+        self._whole = batch(flight, session.intake)
+        self._taken = 0
+        session.enter_air(flight.air)
+
+    def take(self, upto_ns: int) -> None:
+        """Everything valid up to ``upto_ns``."""
+        until = int(np.searchsorted(self._whole.valid_ns, upto_ns, side="right"))
+        self._session.enter(Batch(*(column[self._taken : until] for column in self._whole)))
+        self._session.advance(upto_ns)
+        self._taken = until
+
+    def finish(self, *, complete: bool) -> dict:
+        return self._session.finish(self._about | {"complete": complete})
+
+
+class Replay(Protocol):
+    """A flight that is taken into a session piece by piece."""
+
+    def take(self, upto_ns: int) -> None: ...
+
+    def finish(self, *, complete: bool) -> dict: ...
 
 
 class Replayable(Protocol):
@@ -70,10 +86,7 @@ class Replayable(Protocol):
     @property
     def times_ns(self) -> np.ndarray: ...
 
-    @property
-    def about(self) -> dict: ...
-
-    def player(self, session: Session) -> Callable[[int], None]: ...
+    def replay(self, session: Session) -> Replay: ...
 
 
 def load(log: Path | None, station: Station, feeds: dict[str, Path]) -> MeasuredFlight:
@@ -220,17 +233,16 @@ class Playback:
 def run(flight: Replayable, new_session: Callable[[], Session], playback: Playback, *, stay: bool) -> dict:
     """Play a flight through; ``stay``: at its end wait for another seek. Returns the last summary."""
     while True:
-        session = new_session()
-        take = flight.player(session)
+        replay = flight.replay(new_session())
         while (upto_ns := playback.upto()) is not None:
-            take(upto_ns)
+            replay.take(upto_ns)
             if playback.stopped or upto_ns == playback.end_ns:
                 break
         if upto_ns is None:
             continue
         if not playback.stopped:
-            take(FOREVER_NS)
-        summary = session.finish(flight.about | {"complete": not playback.stopped})
+            replay.take(FOREVER_NS)
+        summary = replay.finish(complete=not playback.stopped)
         if not stay or playback.stopped or playback.upto() is not None:
             return summary
 

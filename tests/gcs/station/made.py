@@ -1,6 +1,5 @@
 """The first seconds of the sample flight as a station takes them live: turns of what has arrived."""
 
-from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +8,6 @@ from gcs.contract import config
 from gcs.contract.frames import Frame, origin_frame
 from gcs.contract.messages import AIR, INS, POLAR, AirData, Bad, InsMeasurement, PolarMeasurement
 from gcs.station import live, replay
-from gcs.station.recording import SilentBus
 
 SAMPLE = Path(__file__).resolve().parents[3] / "logs" / "sample"
 FEEDS = {name: SAMPLE / f"{name}.csv" for name in ("theo-north", "theo-east", "radar-1")}
@@ -52,8 +50,8 @@ def turns(seconds: float, begin_s: float = 20.0) -> Turns:
 
 def fly(session, taken: Turns, keep) -> dict:
     """As ``live.run`` does, without a bus."""
-    feeds, strangers = live.BusFeeds(SilentBus(session.ledger.sensors)), Counter()
+    arrivals = live.Arrivals()
     for now_ns, arrived in taken:
         keep(now_ns, arrived)
-        live.turn(session, feeds, now_ns, arrived, strangers)
-    return session.finish({"complete": True, "unknown_sources": dict(strangers)})
+        live.turn(session, arrivals, arrived, now_ns)
+    return live.finish(session, arrivals, {"complete": True})
