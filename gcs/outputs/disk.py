@@ -21,6 +21,7 @@ RETRY_S = 1.0  # between two attempts on a disk that refuses; also how often a f
 FLAGS = os.O_RDWR | os.O_CREAT | os.O_APPEND
 WAITING_BYTES = 8 * 2**20  # of one file that wait for its disk: minutes of tables, half a minute of recording
 WAITING_WORK = 100_000  # rows and messages that wait for the writing thread: some minutes of a flight
+IDLE_S = 0.1
 
 Tell = Callable[[str, str], None]  # (level of an Event, text)
 
@@ -152,9 +153,13 @@ def replace(path: Path, parts: Iterable[str]) -> str:
 
 
 class Beside:
-    """A thread that does what is put to it, one after the other. What it has no room for is refused."""
+    """A thread that does what is put to it, one after the other. What it has no room for is refused.
 
-    def __init__(self) -> None:
+    ``idle`` is done where nothing has come for ``IDLE_S``, however long the one who puts takes.
+    """
+
+    def __init__(self, idle: Callable[[], object]):
+        self._idle = idle
         self._work: deque[tuple[Callable[[], object], int]] = deque()
         self._size = 0
         self._changed = threading.Condition()
@@ -183,10 +188,10 @@ class Beside:
     def _run(self) -> None:
         while True:
             with self._changed:
-                self._changed.wait_for(lambda: self._work or self._ended)
-                if not self._work:
+                self._changed.wait_for(lambda: self._work or self._ended, IDLE_S)
+                if self._ended and not self._work:
                     return
-                work, size = self._work.popleft()
+                work, size = self._work.popleft() if self._work else (self._idle, 0)
             try:
                 work()
             except Exception:  # one block that cannot be written must not cost all that follow

@@ -29,7 +29,7 @@ from gcs.station.recording import ABOUT, RAW, RECORDING, STATION, TURN, TurnMark
 from gcs.station.session import Update
 
 LINK = "link.tlog"
-FLUSH_S = 0.4  # a kill costs at most so much, and what one turn takes
+FLUSH_S = 0.3  # a kill costs at most so much, and what has come in since the last turn
 CHUNK_BYTES = 2**26  # more than comes in within FLUSH_S: a chunk ends where we say, between two turns
 PATIENCE_S = 20.0  # at the end, for a disk that is slow
 LAST_TRY_S = 3.0  # … for one that refuses
@@ -92,6 +92,10 @@ class McapFile:
         mark = msgspec.json.encode(TurnMark(number, len(arrived)))
         self._writer.add_message(self._channel(TurnMark, TURN), now_ns, mark, now_ns, number & 0xFFFFFFFF)
         self._chunks.units += 1
+        self.tick()
+
+    def tick(self) -> None:
+        """Between two turns: on to the disk with them, when it is time."""
         now_s = time.monotonic()
         if now_s - self._flushed_s >= FLUSH_S:
             self._flushed_s = now_s
@@ -148,7 +152,7 @@ class RunRecorder:
         self._refused: Counter = Counter()  # by file
         self._behind = False
         self._turns = self._now_ns = 0
-        self._beside = Beside()
+        self._beside = Beside(self._mcap.tick)
 
     def turn(self, now_ns: int, arrived: Arrived) -> None:
         """The tap: called with each turn before anything is decided."""

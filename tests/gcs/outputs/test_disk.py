@@ -122,7 +122,7 @@ def test_replacing_a_file_keeps_the_old_one_until_it_is_done(tmp_path):
 
 def test_beside_keeps_order_and_refuses_what_it_has_no_room_for(monkeypatch):
     monkeypatch.setattr(disk, "WAITING_WORK", 10)
-    beside, done, gate = Beside(), [], threading.Event()
+    beside, done, gate = Beside(int), [], threading.Event()
     assert beside.put(gate.wait)
     assert [beside.put(lambda n=n: done.append(n), 3) for n in range(5)] == [True, True, True, False, False]
     assert beside.put(lambda: done.append("end"), refuse=False)
@@ -133,9 +133,17 @@ def test_beside_keeps_order_and_refuses_what_it_has_no_room_for(monkeypatch):
 
 
 def test_beside_goes_on_after_a_fault(caplog):
-    beside, done = Beside(), []
+    beside, done = Beside(int), []
     beside.put(lambda: 1 / 0)
     beside.put(lambda: done.append(1))
     assert beside.end(10.0)
     assert done == [1]
     assert "ZeroDivisionError" in caplog.text
+
+
+def test_beside_uses_the_time_when_nothing_comes(monkeypatch):
+    monkeypatch.setattr(disk, "IDLE_S", 0.001)
+    idle = threading.Event()
+    beside = Beside(idle.set)
+    assert idle.wait(10.0)
+    assert beside.end(10.0)

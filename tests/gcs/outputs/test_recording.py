@@ -18,6 +18,7 @@ from gcs.outputs import disk, recording
 from gcs.outputs.recording import RunRecorder
 from gcs.station.recording import Recording
 from tests.bridges import flights
+from tests.gcs.contract.ends import until
 from tests.gcs.station import made
 
 
@@ -155,4 +156,13 @@ def test_a_kill_costs_less_than_a_second(recorder, turns, tmp_path, monkeypatch)
         assert written.wait(10.0)
         kept = [turn.now_ns for turn in Recording(tmp_path / "run.mcap").turns()]
         assert now_ns - kept[-1] <= 1e9 * recording.FLUSH_S + made.TURN_NS
+    recorder.end()
+
+
+def test_a_turn_that_takes_long_does_not_keep_the_ones_before_from_the_disk(recorder, tmp_path):
+    """No turn comes after this one: it is on the disk all the same."""
+    empty = (tmp_path / "run.mcap").stat().st_size
+    recorder.turn(10**18, [])
+    assert until(lambda: (tmp_path / "run.mcap").stat().st_size > empty, 10.0)
+    assert [turn.now_ns for turn in Recording(tmp_path / "run.mcap").turns()] == [10**18]
     recorder.end()
