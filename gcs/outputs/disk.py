@@ -168,10 +168,10 @@ class Beside:
         self._thread.start()
 
     def put(self, work: Callable[[], object], size: int = 1, *, refuse: bool = True) -> bool:
-        """Have ``work`` done; false where more than ``WAITING_WORK`` would wait, by ``size``."""
+        """Have ``work`` done; false where more than ``WAITING_WORK`` waits already, by ``size``."""
         with self._changed:
-            if refuse and self._size + size > WAITING_WORK:
-                return False
+            if refuse and self._size >= WAITING_WORK:
+                return False  # one piece may be larger than all that may wait: it is taken
             self._work.append((work, size))
             self._size += size
             self._changed.notify()

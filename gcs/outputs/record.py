@@ -34,10 +34,10 @@ class Record:
     """
 
     def __init__(self, folder: Path, station: Station, frame: Frame, tell: Tell = to_operator):
-        self._folder, self._frame, self._tell = folder, frame, tell
+        self._folder, self._frame, self._tell, self._station = folder, frame, tell, dump(station)
         self.missing: dict[str, int] = {}  # rows by file, known at the end
         (folder / "summary.json").unlink(missing_ok=True)  # no summary: the run did not end
-        self._replace("station.toml", [dump(station)])
+        self._replace("station.toml", [self._station])
         self._track = self._open("track.csv", TRACK_HEADER)
         self._smoothed = self._open("smoothed.csv", TRACK_HEADER)
         self._verdicts = self._open("verdicts.csv", VERDICT_HEADER)
@@ -55,6 +55,8 @@ class Record:
 
     def close(self, summary: dict, best: np.ndarray) -> None:
         """The best estimate takes the place of the window's view, and the summary says what is missing."""
+        if not (self._folder / "station.toml").exists():  # somebody has taken the folder away
+            self._replace("station.toml", [self._station])
         files = self._track, self._smoothed, self._verdicts
         for file in files:
             file.close(PATIENCE_S)

@@ -132,6 +132,15 @@ def test_beside_keeps_order_and_refuses_what_it_has_no_room_for(monkeypatch):
     assert done == [0, 1, 2, "end"]
 
 
+def test_beside_takes_one_piece_of_any_size(monkeypatch):
+    """At the end of a run the rows of minutes may come at once."""
+    monkeypatch.setattr(disk, "WAITING_WORK", 10)
+    beside, done = Beside(int), []
+    assert beside.put(lambda: done.append(1), 1_000)
+    assert beside.end(10.0)
+    assert done == [1]
+
+
 def test_beside_goes_on_after_a_fault(caplog):
     beside, done = Beside(int), []
     beside.put(lambda: 1 / 0)

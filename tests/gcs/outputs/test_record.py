@@ -83,5 +83,10 @@ def test_a_folder_taken_away_is_there_again(begin, tmp_path, update):
     sink.take(update)
     sink.close({}, update.track)
     assert len((folder / "track.csv").read_text().splitlines()) == 11
-    assert {path.name for path in folder.iterdir()} >= {"smoothed.csv", "verdicts.csv", "summary.json"}
+    assert {path.name for path in folder.iterdir()} >= {
+        "smoothed.csv",
+        "verdicts.csv",
+        "summary.json",
+        "station.toml",
+    }
     assert any("taken away" in text for text in told)
