@@ -11,8 +11,8 @@ topic ``/turn``              ends each turn: its number from 0, and how many mes
 ``/state/…  /tf  /events``   the cleaned state and events for Foxglove; a replay does not read them
 ===========================  ==========================================================================
 
-A chunk ends with a turn, about three times a second, and is written at once. A recording that was cut off anywhere
-is read up to its last whole chunk; one that is damaged in the middle, without the damaged chunks.
+A chunk ends with a turn, about three times a second, and is written at once. A recording that was cut off
+anywhere is read up to its last whole chunk; one that is damaged in the middle, without the damaged chunks.
 """
 
 import struct
