@@ -81,6 +81,7 @@ def cost(folder: Path, out: Path) -> str:
     for turn in turns:
         written.turn(turn.number, turn.now_ns, turn.arrived)
     took_s = time.perf_counter() - begun
+    written.end_sync()
     written.end()
     count, flight_s = sum(len(turn.arrived) for turn in turns), (turns[-1].now_ns - turns[0].now_ns) / 1e9
     share = f"{1e6 * took_s / count:.0f} µs a message, {100 * took_s / flight_s:.2f} % of a core"

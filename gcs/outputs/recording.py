@@ -21,7 +21,7 @@ from gcs.contract.config import Station, dump
 from gcs.contract.frames import Frame
 from gcs.contract.messages import ANY, JSON, MSGPACK, AirData, Event, InsMeasurement, PolarMeasurement, State
 from gcs.outputs import foxglove
-from gcs.outputs.disk import Beside, RunFile, Tell
+from gcs.outputs.disk import WAITING_WORK, Beside, RunFile, Tell
 from gcs.outputs.record import Record
 from gcs.outputs.tlog import LinkLog
 from gcs.station.live import Arrived
@@ -72,6 +72,7 @@ class McapFile:
         self._names = station.range.name, station.vehicle.name
         self._channels: dict[tuple[str, str], int] = {}
         self._flushed_s = time.monotonic()
+        self._syncing = Beside(int)
         self._writer = Writer(self._chunks, chunk_size=CHUNK_BYTES)  # type: ignore[arg-type]
         self._writer.start(profile="", library=f"gcs {about['version']}")
         now_ns = time.time_ns()
@@ -100,7 +101,8 @@ class McapFile:
         if now_s - self._flushed_s >= FLUSH_S:
             self._flushed_s = now_s
             self._writer.flush()
-            self.file.sync()
+            # beside, one at a time: a disk that takes seconds for it must not keep the next turns waiting
+            self._syncing.put(self.file.sync, WAITING_WORK)
 
     def show(self, now_ns: int, message: State | Event) -> None:
         """A state or an event, for Foxglove."""
@@ -109,6 +111,10 @@ class McapFile:
         else:
             for shown in foxglove.of_state(message, *self._names):
                 self._show(now_ns, shown)
+
+    def end_sync(self) -> None:
+        """No more of it: the file is about to be closed."""
+        self._syncing.end(PATIENCE_S)
 
     def end(self) -> None:
         """The index, so that a reader can jump. Where a block is lost its places are wrong: better none."""
@@ -184,6 +190,7 @@ class RunRecorder:
 
     def end(self) -> None:
         """After the session: write what waits, and the recording's index."""
+        self._mcap.end_sync()
         self._beside.put(self._end, refuse=False)
         if not self._beside.end(PATIENCE_S):
             self._notes.append(
