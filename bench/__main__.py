@@ -138,6 +138,14 @@ def links(*flights: Path, seconds: float | None = None, system_id: int | None = 
 
 
 @app.command
+def recording(*, seconds: float = 120.0, kills: int = 0) -> None:
+    """A live run recorded: size, cost, its replay byte by byte; then killed at random instants."""
+    from bench.speed import recording as asked
+
+    asked.run(seconds, kills)
+
+
+@app.command
 def tlog(*flights: Annotated[Path, Parameter(help="the sample flight by default")]) -> None:
     """The log reader beside pymavlink: speed."""
     from bench.speed import tlog as asked

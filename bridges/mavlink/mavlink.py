@@ -7,6 +7,7 @@ end only learns who listens from a datagram of ours: an empty one, once a second
 
 import socket
 import time
+from collections.abc import Callable
 from contextlib import closing
 from threading import Event as Flag
 from typing import TYPE_CHECKING
@@ -24,12 +25,17 @@ POLL_S = 0.1
 KNOCK_S = 1.0
 
 
+Keep = Callable[[int, bytes], None]
+
+
 class LinkError(InputError):
     """A link that cannot be used. The message names it and what to do."""
 
 
-def run(link: str, system_id: int | None, bus: "Bus", stop: Flag) -> None:
+def run(link: str, system_id: int | None, bus: "Bus", stop: Flag, keep: Keep | None = None) -> None:
     """Publish ``raw/ins`` and ``raw/air`` from ``link`` (any pymavlink address) until ``stop`` is set.
+
+    ``keep`` is given every good frame of every system on the link, with its arrival in ns.
 
     Without a ``system_id`` it is the first autopilot heard.
 
@@ -44,7 +50,7 @@ def run(link: str, system_id: int | None, bus: "Bus", stop: Flag) -> None:
             with closing(_open(link)) as port:
                 _tell(bus, "info", f"{link}: listening for vehicle {system_id or '(any)'}")
                 lost = False
-                _listen(port, decoder, bus, stop)
+                _listen(port, decoder, bus, stop, keep)
         except OSError as error:
             if not lost:
                 _tell(bus, "warning", f"{link}: {error.strerror or error}; trying again every {RETRY_S:g} s")
@@ -53,7 +59,7 @@ def run(link: str, system_id: int | None, bus: "Bus", stop: Flag) -> None:
     _publish(bus, decoder.flush())
 
 
-def _listen(port, decoder: Decoder, bus, stop: Flag) -> None:
+def _listen(port, decoder: Decoder, bus, stop: Flag, keep: Keep | None) -> None:
     heard, silent, knocked, readable = time.monotonic(), False, -KNOCK_S, False
     knock, stream = decoder.link.startswith("udpout:"), decoder.link.startswith("tcp:")
     while not stop.is_set():
@@ -72,7 +78,10 @@ def _listen(port, decoder: Decoder, bus, stop: Flag) -> None:
             readable = port.select(POLL_S)
             continue
         readable = False
-        _publish(bus, decoder.decode(message, now_ns()))
+        arrival_ns = now_ns()
+        if keep and message.get_type() != "BAD_DATA":
+            keep(arrival_ns, bytes(message.get_msgbuf()))
+        _publish(bus, decoder.decode(message, arrival_ns))
         while decoder.told:
             _tell(bus, *decoder.told.pop(0))
         if message.get_srcSystem() == decoder.system_id:

@@ -2,6 +2,7 @@
 
 import threading
 from collections.abc import Callable
+from contextlib import ExitStack, closing
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -10,12 +11,14 @@ from cyclopts import App, Parameter
 
 from bridges.instruments import KINDS
 from gcs.commands.compose import open_bus
-from gcs.commands.options import Config, stopped
+from gcs.commands.options import Config, new_file, stopped
 from gcs.contract import config as configuration
 from gcs.contract.messages import InputError
 from gcs.contract.supervision import Supervisor
 from gcs.outputs import log
 from gcs.outputs.console import say
+from gcs.outputs.disk import to_operator
+from gcs.outputs.tlog import LinkLog
 
 if TYPE_CHECKING:
     from gcs.contract.bus import Bus
@@ -30,6 +33,7 @@ def mavlink(
     link: Annotated[
         str | None, Parameter(help="any pymavlink address; the station file's by default")
     ] = None,
+    tlog: Annotated[Path | None, Parameter(help="keep all frames of the link in this new file")] = None,
     config: Config = (),
 ) -> None:
     """An autopilot's MAVLink, listen-only, onto the bus as ``raw/ins``."""
@@ -37,7 +41,9 @@ def mavlink(
 
     resolved = configuration.load(station, config)
     address, system_id = link or resolved.mavlink.link, resolved.vehicle.system_id
-    _bridge("mavlink", resolved, lambda bus, stop: source.run(address, system_id, bus, stop))
+    with ExitStack() as stack:
+        keep = stack.enter_context(closing(LinkLog(new_file(tlog), to_operator))).take if tlog else None
+        _bridge("mavlink", resolved, lambda bus, stop: source.run(address, system_id, bus, stop, keep))
 
 
 @command.command

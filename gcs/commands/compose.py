@@ -1,17 +1,17 @@
 """Puts the sinks of one run together: the record, the bus, the view, the terminal."""
 
+import time
 from collections.abc import Callable, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from filters.correction.correction import off
 from gcs.commands.compiled import prepare
 from gcs.contract.config import Station
 from gcs.contract.frames import Frame, scene
-from gcs.contract.messages import PartHealth
+from gcs.contract.messages import Event, PartHealth
 from gcs.outputs.console import Console
+from gcs.outputs.disk import Tell, to_operator
 from gcs.outputs.publish import Publisher, Target
-from gcs.outputs.record import Record
 from gcs.station.health import Feeds, Monitor
 from gcs.station.replay import Playback
 from gcs.station.session import Session, Sink
@@ -51,10 +51,21 @@ def targets(bus: "Bus | None" = None, view: "View | None" = None) -> list[Target
     return found
 
 
+def announcer(send_to: Sequence[Target]) -> Tell:
+    """Tells the operator: on the terminal and, as an event, wherever messages go."""
+
+    def tell(level: str, text: str) -> None:
+        to_operator(level, text)
+        for target in send_to:
+            target("event", Event(t_ns=time.time_ns(), level=level, text=text), "")
+
+    return tell
+
+
 def new_session(
     station: Station,
     frame: Frame,
-    out: Path,
+    record: Sink,
     method: str,
     send_to: Sequence[Target],
     feeds: Feeds,
@@ -62,7 +73,7 @@ def new_session(
     parts: Callable[[], dict[str, PartHealth]] = dict,
 ) -> Session:
     """A session with its sinks, compiled and ready for the first measurement."""
-    sinks: list[Sink] = [Record(out, station, frame), Console()]
+    sinks: list[Sink] = [record, Console()]
     if send_to:
         names = ["ins", *(sensor.name for sensor in station.sensor)]
         sinks.append(Publisher(frame, Monitor(names, feeds, parts), send_to))

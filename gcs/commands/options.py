@@ -12,6 +12,7 @@ from cyclopts import Parameter
 
 from gcs.contract.limits import FASTEST, LONGEST_S
 from gcs.contract.messages import InputError
+from gcs.outputs.console import say
 
 StationFile = Annotated[
     Path | None, Parameter(help="station.toml; needed as soon as there are ground sensors")
@@ -71,6 +72,32 @@ def seconds_of(seconds: float | None) -> float | None:
     return seconds
 
 
+def known_method(name: str) -> str:
+    """The estimator's name, before anything is opened or written. Raises ``InputError``."""
+    from filters.methods import METHODS  # numba takes its time: not for --help
+
+    if name not in METHODS:
+        raise InputError(f"--method {name}: unknown method; choose one of {', '.join(METHODS)}")
+    return name
+
+
+def run_folder(out: Path) -> Path:
+    """``out`` where it is empty, else the first of OUT-2, OUT-3 … that is: a record is never written over.
+
+    Raises ``InputError``.
+    """
+    folder, number = writable(out), 1
+    named = out.resolve()  # "." and ".." are no names to number
+    while any(folder.iterdir()):
+        if not named.name:
+            raise InputError(f"--out {out}: not empty; name a folder")
+        number += 1
+        folder = writable((out if out.name == named.name else named).with_name(f"{named.name}-{number}"))
+    if folder != out:
+        say(f"{out} is not empty; this run goes into {folder}")
+    return folder
+
+
 def writable(folder: Path) -> Path:
     """The folder, made if need be, once a file could be written in it. Raises ``InputError``."""
     try:
@@ -81,3 +108,13 @@ def writable(folder: Path) -> Path:
         why = getattr(error, "strerror", None) or error
         raise InputError(f"--out {folder}: {why}; name a folder that can be written") from None
     return folder
+
+
+def new_file(path: Path) -> Path:
+    """A file that is not there yet and could be written. Raises ``InputError``."""
+    try:
+        path.open("xb").close()
+    except (OSError, ValueError) as error:
+        why = getattr(error, "strerror", None) or error
+        raise InputError(f"{path}: {why}; name a new file in a folder that is there") from None
+    return path

@@ -3,24 +3,40 @@
 import sys
 from contextlib import ExitStack
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Annotated
 
 from cyclopts import Parameter
 
-from gcs.commands.compose import new_session, open_bus, open_view, targets
-from gcs.commands.options import Config, Correction, Feeds, Method, StationFile, on_signal, speed_of, writable
+from gcs.commands.compose import announcer, new_session, open_bus, open_view, targets
+from gcs.commands.options import (
+    Config,
+    Correction,
+    Feeds,
+    Method,
+    StationFile,
+    known_method,
+    on_signal,
+    run_folder,
+    speed_of,
+    writable,
+)
 from gcs.contract import config as configuration
+from gcs.contract.frames import Frame, origin_frame
 from gcs.contract.messages import InputError
 from gcs.learning.network import correction_of
 from gcs.outputs.console import say
-from gcs.outputs.record import stamp
+from gcs.outputs.record import Record, stamp
 from gcs.station import replay as driver
 from gcs.station.health import Files
+from gcs.station.recording import RECORDING, STATION, Recording
 from gcs.station.session import Session
 
 
 def command(
-    flight: Annotated[Path | None, Parameter(help="the log; left out: the feeds alone")] = None,
+    flight: Annotated[
+        Path | None, Parameter(help="tlog, or run.mcap of a live run; left out: the feeds alone")
+    ] = None,
     *,
     station: StationFile = None,
     feed: Feeds = (),
@@ -30,22 +46,25 @@ def command(
         bool, Parameter(negative="", help="show it in the browser, with playback controls")
     ] = False,
     publish: Annotated[bool, Parameter(negative="", help="publish the cleaned state on the bus")] = False,
-    method: Method = "default",
+    method: Method | None = None,
     correction: Correction = "off",
     config: Config = (),
 ) -> None:
-    """After the flight: a tlog, ground-sensor feeds or both in, trajectory and verdicts out."""
+    """After the flight: a tlog and ground-sensor feeds, or a recording, in; trajectory and verdicts out."""
     pace = speed_of(speed)
-    resolved, learned = configuration.load(station, config), correction_of(correction)
+    learned = correction_of(correction)
     if out:
         writable(out)
-    loaded = driver.load(flight, resolved, _feed_paths(feed))
-    folder = writable(out or Path("logs/runs") / stamp(loaded.start_ns))
-    heard = driver.heard(resolved, loaded.feeds)
-    playback = driver.Playback(loaded.start_ns, loaded.end_ns, pace)
+    loaded, heard, frame, recorded = _flight(flight, station, _feed_paths(feed), config)
+    if recorded.get("correction", "off") != "off" and correction == "off":
+        say(f"{flight}: flown with a correction network; --correction FILE gives the same result again")
+    estimator = known_method(method or recorded.get("method", "default"))
+    folder = run_folder(out or Path("logs/runs") / stamp(loaded.start_ns))
+    playback = driver.Playback(loaded.start_ns, loaded.end_ns, loaded.times_ns, pace)
+    records: list[Record] = []
     with ExitStack() as stack:
-        bus = stack.enter_context(open_bus(resolved)) if publish else None
-        shown = open_view(resolved, loaded.frame, playback) if view else None
+        bus = stack.enter_context(open_bus(heard)) if publish else None
+        shown = open_view(heard, frame, playback) if view else None
         if shown:
             stack.callback(shown.close)
             say(f"view: {shown.url}   (Ctrl-C ends)")
@@ -53,7 +72,9 @@ def command(
         def session() -> Session:
             if shown:
                 shown.clear()
-            return new_session(heard, loaded.frame, folder, method, targets(bus, shown), Files(), learned)
+            send_to = targets(bus, shown)
+            records.append(Record(folder, heard, frame, announcer(send_to)))
+            return new_session(heard, frame, records[-1], estimator, send_to, Files(), learned)
 
         on_signal(playback.stop)
         summary = driver.run(loaded, session, playback, stay=view)
@@ -61,6 +82,26 @@ def command(
     if not summary["complete"] and not view:
         say("stopped before the end of the flight")
         sys.exit(1)
+    if records[-1].missing:
+        sys.exit(1)  # the record has told what is missing
+
+
+def _flight(
+    path: Path | None, station: Path | None, feeds: dict[str, Path], config: tuple[str, ...]
+) -> tuple[driver.Replayable, configuration.Station, Frame, dict[str, str]]:
+    """The flight, its station and frame, and what a recording says of itself."""
+    if path is None or path.suffix != Path(RECORDING).suffix:
+        given = configuration.load(station, config)
+        measured = driver.load(path, given, feeds)
+        return measured, driver.heard(given, measured.feeds), measured.frame, {}
+    if feeds:
+        raise InputError(f"--feed {next(iter(feeds))}: {path} holds its feeds already; leave --feed out")
+    recording = Recording(path)
+    with TemporaryDirectory() as folder:
+        own = Path(folder, STATION)
+        own.write_text(recording.station_text, encoding="utf-8")
+        live = configuration.load(station or own, config)
+    return recording, live, origin_frame(live), recording.settings
 
 
 def _feed_paths(feeds: tuple[str, ...]) -> dict[str, Path]:

@@ -5,7 +5,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from gcs.commands.options import Config, Correction, Method, stopped
+from gcs.commands.options import Config, Correction, Method, known_method, stopped
 from gcs.commands.serve import serve
 from gcs.contract import config as configuration
 from gcs.learning.network import correction_of
@@ -23,4 +23,6 @@ def command(
 ) -> None:
     """Live: MAVLink and ground sensors in over the bus, cleaned state out, view, recording."""
     resolved, learned = configuration.load(station, config), correction_of(correction)
-    serve(resolved, out, stopped(), view=view, method=method, seconds=seconds, correction=learned)
+    serve(
+        resolved, out, stopped(), view=view, method=known_method(method), seconds=seconds, correction=learned
+    )

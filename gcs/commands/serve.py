@@ -13,18 +13,20 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from filters.correction.correction import off
+from gcs import __version__
 from gcs.commands.compose import new_session, open_bus, open_view, targets
-from gcs.commands.options import seconds_of, writable
+from gcs.commands.options import run_folder, seconds_of
 from gcs.contract import messages
 from gcs.contract.config import Station
-from gcs.contract.frames import Frame, scene
-from gcs.contract.messages import Event, InputError
+from gcs.contract.frames import origin_frame, scene
+from gcs.contract.messages import Event
 from gcs.contract.supervision import Backoff, Supervisor, brief, log
 from gcs.outputs import log as logbook
 from gcs.outputs.console import say
 from gcs.outputs.outbox import Outbox
 from gcs.outputs.publish import Target
 from gcs.outputs.record import stamp
+from gcs.outputs.recording import RunRecorder
 from gcs.station import live
 from gcs.station.session import Session
 
@@ -50,11 +52,9 @@ def serve(
     ``beside`` is called when the station is ready: the demo starts its feeds there, and returns an event that
     says when they are over.
     """
-    if station.range.origin is None:
-        raise InputError("live operation needs [range] origin in the station file: every frame hangs on it")
+    frame = origin_frame(station)
     seconds = seconds_of(seconds)
-    frame = Frame(*(getattr(station.range.origin, name) for name in ("lat_deg", "lon_deg", "alt_m")))
-    folder = writable(out or Path("logs/runs") / stamp(time.time_ns()))
+    folder = run_folder(out or Path("logs/runs") / stamp(time.time_ns()))
     with ExitStack() as stack:
         bus = stack.enter_context(open_bus(station))
         shown = open_view(station, frame) if view else None
@@ -70,15 +70,19 @@ def serve(
         say("compiling the filter (once; cached for the next start)")
         sensors = ["ins", *(sensor.name for sensor in station.sensor)]
         feeds = live.BusFeeds(bus, sensors, station.filter.lateness_s)
-        told = [*send_to, _note]
-        session = new_session(station, frame, folder, method, told, feeds, correction, supervisor.health)
+        about = {"software": "gcs", "version": __version__, "method": method}
+        about["correction"] = "off" if correction is off else "on"
+        recorder = RunRecorder(folder, station, frame, _log, about)
+        stack.callback(recorder.end)
+        told = [*send_to, _note, recorder.target]
+        session = new_session(station, frame, recorder, method, told, feeds, correction, supervisor.health)
         supervisor.others = session.supervise()
         still = scene(station, frame)
         bus.publish("scene", still)
         bus.serve("scene", lambda: messages.encode(still))
         bus.serve("schema", lambda: (json.dumps(messages.schema()).encode(), messages.JSON))
         if station.mavlink.link:
-            supervisor.start("mavlink", partial(_mavlink, station, Link(bus)))
+            supervisor.start("mavlink", partial(_mavlink, station, Link(bus), recorder.link))
         if shown:
             supervisor.adopt(shown.part)
         say(f"bus: {station.bus.endpoint}   keys: {station.range.name}/{station.vehicle.name}/…")
@@ -92,7 +96,7 @@ def serve(
         gc.collect()
         gc.freeze()  # what is loaded by now stays: else each full collection walks through all of it, 0.1 s
         with supervisor.watched("session", over) as pulse:
-            _run(session, feeds, pulse)
+            _run(session, feeds, pulse, recorder.turn)
         if shown and not stop.is_set():
             say("the flight is over; the view stays until Ctrl-C")
             stop.wait()
@@ -102,13 +106,13 @@ def serve(
         sys.exit(f"gcs: {', '.join(missed)} failed and is not whole; see {folder / 'station.log'}")
 
 
-def _run(session: Session, feeds: live.BusFeeds, stop: threading.Event) -> None:
+def _run(session: Session, feeds: live.BusFeeds, stop: threading.Event, keep: live.Keep) -> None:
     """The loop; what fails in it costs that turn's messages, not the flight."""
     again = Backoff()
     while True:
         again.begin()
         try:
-            live.run(session, feeds, stop)
+            live.run(session, feeds, stop, keep)
             return
         except Exception as error:  # whatever it is: the flight goes on
             wait_s = again.fail()
@@ -128,15 +132,19 @@ class Link:
 
     def publish(self, subject: str, message: messages.ANY, source: str = "") -> None:
         if isinstance(message, Event):
-            log.log(logbook.LEVELS.get(message.level, logging.WARNING), "%s", message.text)
+            _log(message.level, message.text)
         else:
             self._bus.publish(subject, message, source)
 
 
-def _mavlink(station: Station, bus: Any, stop: threading.Event) -> None:
+def _mavlink(station: Station, bus: Any, keep: Callable[[int, bytes], None], stop: threading.Event) -> None:
     from bridges.mavlink import mavlink
 
-    mavlink.run(station.mavlink.link, station.vehicle.system_id, bus, stop)
+    mavlink.run(station.mavlink.link, station.vehicle.system_id, bus, stop, keep)
+
+
+def _log(level: str, text: str) -> None:
+    log.log(logbook.LEVELS.get(level, logging.WARNING), "%s", text)
 
 
 def _send_event(target: Target, event: Event) -> None:

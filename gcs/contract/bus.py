@@ -20,6 +20,7 @@ Samples carry no Zenoh time; times are in the payload. This is the only file tha
 
 import json
 import re
+import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Mapping

@@ -7,7 +7,7 @@ import pymap3d
 from numpy.typing import ArrayLike
 
 from gcs.contract.config import Position, SensorSection, Station
-from gcs.contract.messages import Instrument, Scene
+from gcs.contract.messages import InputError, Instrument, Scene
 
 
 class Frame(NamedTuple):
@@ -82,6 +82,14 @@ def polar_to_enu(
         level, up = np.cos(elevation_rad), np.sin(elevation_rad)
         seen = np.asarray(range_m)[..., None] * np.stack([level * east, level * north, up], axis=-1)
     return offset_m + seen @ rotation
+
+
+def origin_frame(station: Station) -> Frame:
+    """The station's own frame. Raises ``InputError`` where it has no origin."""
+    origin = station.range.origin
+    if origin is None:
+        raise InputError("[range] origin in the station file is missing: every frame hangs on it")
+    return Frame(origin.lat_deg, origin.lon_deg, origin.alt_m)
 
 
 def scene(station: Station, frame: Frame) -> Scene:

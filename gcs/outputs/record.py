@@ -1,6 +1,8 @@
 """The run folder: track.csv, smoothed.csv, verdicts.csv, summary.json and the resolved station file."""
 
 import json
+from collections.abc import Iterable
+from itertools import chain
 from math import isfinite
 from pathlib import Path
 
@@ -9,6 +11,7 @@ import numpy as np
 from gcs.contract.config import Station, dump
 from gcs.contract.frames import Frame
 from gcs.contract.messages import CHANNELS, VERDICTS
+from gcs.outputs.disk import RunFile, Tell, replace, to_operator
 from gcs.station.ledger import NO_TIME, Ledger
 from gcs.station.session import Update
 
@@ -18,17 +21,23 @@ TRACK_HEADER = (
     "protection_h_m,protection_v_m,ambiguous\n"
 )
 TRACK_LINE = "%d,%.9f,%.9f,%.4f" + ",%.4f" * 15 + ",%d,%d,%s,%s,%d\n"  # 0.1 mm; 1e-9 degrees is 0.1 mm
+PIECE = 10_000  # rows made into text at a time
+PATIENCE_S = 3.0  # a file that its disk refuses is tried for so long at the end
 VERDICT_HEADER = "t_ns,sensor,channel,value,predicted,sigma,weight,verdict,reason\n"
 
 
 class Record:
-    """A sink that writes as it goes: killed in the middle, the folder holds all that was final."""
+    """A sink that writes as it goes: killed in the middle, the folder holds all that was final.
 
-    def __init__(self, folder: Path, station: Station, frame: Frame):
-        folder.mkdir(parents=True, exist_ok=True)
-        self._folder, self._frame = folder, frame
-        (folder / "station.toml").write_text(dump(station), encoding="utf-8")
+    Whatever the disk does, nothing is raised: ``tell`` is given what an operator should know, and the summary
+    says under ``not_written`` how many rows of which file are missing.
+    """
+
+    def __init__(self, folder: Path, station: Station, frame: Frame, tell: Tell = to_operator):
+        self._folder, self._frame, self._tell, self._station = folder, frame, tell, dump(station)
+        self.missing: dict[str, int] = {}  # rows by file, known at the end
         (folder / "summary.json").unlink(missing_ok=True)  # no summary: the run did not end
+        self._replace("station.toml", [self._station])
         self._track = self._open("track.csv", TRACK_HEADER)
         self._smoothed = self._open("smoothed.csv", TRACK_HEADER)
         self._verdicts = self._open("verdicts.csv", VERDICT_HEADER)
@@ -36,25 +45,46 @@ class Record:
     def take(self, update: Update) -> None:
         for file, track in ((self._track, update.track), (self._smoothed, update.smoothed)):
             if len(track):
-                file.write(track_lines(track, self._frame))
+                file.write(track_lines(track, self._frame).encode(), len(track))
+            else:
                 file.flush()
         if len(update.retired):
-            self._verdicts.write(verdict_lines(update.retired, update.ledger))
+            self._verdicts.write(verdict_lines(update.retired, update.ledger).encode(), len(update.retired))
+        else:
             self._verdicts.flush()
 
     def close(self, summary: dict, best: np.ndarray) -> None:
-        self._smoothed.close()
-        self._smoothed = self._open("smoothed.csv", TRACK_HEADER)  # a window's view gives way to the flight's
-        self._smoothed.write(track_lines(best, self._frame))
-        for file in (self._track, self._smoothed, self._verdicts):
-            file.close()
-        text = json.dumps(summary, indent=2, sort_keys=True, allow_nan=False)
-        (self._folder / "summary.json").write_text(text + "\n", encoding="utf-8")
+        """The best estimate takes the place of the window's view, and the summary says what is missing."""
+        if not (self._folder / "station.toml").exists():  # somebody has taken the folder away
+            self._replace("station.toml", [self._station])
+        files = self._track, self._smoothed, self._verdicts
+        for file in files:
+            file.close(PATIENCE_S)
+        missing = self.missing
+        missing |= {file.path.name: file.lost for file in files if file.lost} | summary.get("not_written", {})
+        pieces = (best[k : k + PIECE] for k in range(0, len(best), PIECE))
+        if self._replace(
+            "smoothed.csv", chain([TRACK_HEADER], (track_lines(p, self._frame) for p in pieces))
+        ):
+            missing["smoothed.csv"] = len(best)
+        else:
+            missing.pop("smoothed.csv", None)
+        text = json.dumps(summary | {"not_written": missing}, indent=2, sort_keys=True, allow_nan=False)
+        self._replace("summary.json", [text, "\n"])
+        if missing:
+            lost = ", ".join(f"{name} {rows}" for name, rows in sorted(missing.items()))
+            self._tell("error", f"{self._folder}: the disk did not take all; missing rows: {lost}")
 
-    def _open(self, name: str, header: str):
-        file = (self._folder / name).open("w", encoding="utf-8", newline="\n")
-        file.write(header)
+    def _open(self, name: str, header: str) -> RunFile:
+        file = RunFile(self._folder / name, self._tell)
+        file.write(header.encode())
         return file
+
+    def _replace(self, name: str, parts: Iterable[str]) -> str:
+        why = replace(self._folder / name, parts)
+        if why:
+            self._tell("error", f"{self._folder / name}: {why}; it is not written")
+        return why
 
 
 def track_lines(track: np.ndarray, frame: Frame) -> str:

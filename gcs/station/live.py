@@ -2,20 +2,27 @@
 
 import threading
 from collections import Counter
+from collections.abc import Callable, Sequence
 from itertools import groupby
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from gcs.contract import messages
-from gcs.contract.bus import Bus
 from gcs.contract.messages import ANY, AirData, Bad, Event, InsMeasurement, PolarMeasurement
 from gcs.contract.steady import now_ns
 from gcs.station.clocks import FAULTS, FlightClock
 from gcs.station.session import Session
 
+if TYPE_CHECKING:  # a replay of a recording takes the same turns, and needs no zenoh
+    from gcs.contract.bus import Bus
+
 SETTLE_S = 1.0  # a restarted station is given what the bridges kept; all of it, before the first row goes in
 POLL_S = 0.01  # how long one turn waits for the first measurement; also how often a hold can run out
 STRANGERS = 50  # unknown names that are counted apart
+
+Arrived = Sequence[tuple[str, ANY]]  # (source, message) in the order of arrival
+Keep = Callable[[int, Arrived], None]
 
 
 class Arrivals:
@@ -46,7 +53,7 @@ class Arrivals:
 class BusFeeds(Arrivals):
     """The measurements on the bus, and what only the bus knows of their sources."""
 
-    def __init__(self, bus: Bus, sensors: list[str], lateness_s: float):
+    def __init__(self, bus: "Bus", sensors: list[str], lateness_s: float):
         super().__init__(sensors, lateness_s)
         self._bus = bus
         self.incoming = bus.subscribe("raw/*")
@@ -75,11 +82,15 @@ class BusFeeds(Arrivals):
         return self.incoming.idle_s
 
 
-def run(session: Session, feeds: BusFeeds, stop: threading.Event) -> dict:
-    """Serve until ``stop``; returns the summary."""
+def run(
+    session: Session, feeds: BusFeeds, stop: threading.Event, keep: Keep = lambda _now_ns, _arrived: None
+) -> dict:
+    """Serve until ``stop``; returns the summary. ``keep`` is given each turn before anything is decided."""
     stop.wait(SETTLE_S)
     for arrived in feeds.incoming.turns(stop, POLL_S):
-        turn(session, feeds, arrived, now_ns())
+        arrival_ns = now_ns()
+        keep(arrival_ns, arrived)
+        turn(session, feeds, arrived, arrival_ns)
     queue = feeds.incoming
     others = sum(queue.holders.refused.values())
     lost = {"queue_full": queue.dropped, "on_the_way": queue.missed, "undecodable": queue.undecodable}
@@ -87,7 +98,7 @@ def run(session: Session, feeds: BusFeeds, stop: threading.Event) -> dict:
     return finish(session, feeds, {"bus": lost})
 
 
-def turn(session: Session, feeds: Arrivals, arrived: list[tuple[str, ANY]], arrival_ns: int) -> None:
+def turn(session: Session, feeds: Arrivals, arrived: Arrived, arrival_ns: int) -> None:
     """One turn: ``(source, message)`` in order of arrival, all taken at ``arrival_ns``, through the session.
 
     A function of its arguments in their order: the same turns give the same results.
@@ -109,7 +120,7 @@ def turn(session: Session, feeds: Arrivals, arrived: list[tuple[str, ANY]], arri
 def finish(session: Session, feeds: Arrivals, about: dict) -> dict:
     """The end: what still waits for a clock is entered as it is. Returns the summary."""
     _enter_waiting(session, feeds)
-    return session.finish(about | {"complete": True, "unknown_sources": dict(feeds.strangers)})
+    return session.finish({"complete": True} | about | {"unknown_sources": dict(feeds.strangers)})
 
 
 def _enter_waiting(session: Session, feeds: Arrivals) -> None:

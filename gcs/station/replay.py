@@ -4,7 +4,7 @@ import threading
 import time
 from collections.abc import Callable, Container, Iterator, Mapping
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import msgspec
 import numpy as np
@@ -18,9 +18,10 @@ from gcs.contract.messages import AIR, CHANNELS, INS, INSTRUMENT_CHANNELS, Event
 from gcs.station import stamps
 from gcs.station.intake import Batch, Intake, merge
 from gcs.station.ledger import NO_TIME
-from gcs.station.session import Session
+from gcs.station.session import FOREVER_NS, Session
 
 STEP_NS = 1_000_000_000  # data taken in one go at full speed: long enough to be quick, short enough to seek
+EMPTY_NS = 10_000_000_000  # a stretch without data longer than this is not waited for, at any speed
 TICK_S = 0.02  # pace of the loop at a given speed
 APART_NS = 60_000_000_000  # a feed row this far outside the flight cannot belong to it
 TURN_DEG = 5.0  # an instrument that disagrees with the aircraft by more than this is looking elsewhere
@@ -36,6 +37,59 @@ class MeasuredFlight(NamedTuple):
     about: dict  # what the summary says of the source
     start_ns: int
     end_ns: int
+
+    @property
+    def times_ns(self) -> np.ndarray:
+        """(n,) int64, in order: when something was measured."""
+        feeds = (rows["t_ns"] for rows, _ in self.feeds.values())
+        return np.sort(np.concatenate([self.ins["t_ns"], self.air["t_ns"], *feeds]))
+
+    def replay(self, session: Session) -> "FlightReplay":
+        return FlightReplay(self, session)
+
+
+class FlightReplay:
+    """A measured flight on its way into a session."""
+
+    def __init__(self, flight: MeasuredFlight, session: Session):
+        self._about, self._session = flight.about, session
+        self._whole, self._events = batch_and_events(flight, session.intake)
+        self._taken = 0
+        session.enter_air(flight.air)
+
+    def take(self, upto_ns: int) -> None:
+        """Everything valid up to ``upto_ns``."""
+        until = int(np.searchsorted(self._whole.valid_ns, upto_ns, side="right"))
+        self._session.enter(Batch(*(column[self._taken : until] for column in self._whole)))
+        told = sum(event.t_ns <= upto_ns for event in self._events)
+        self._session.advance(upto_ns, self._events[:told])
+        self._taken, self._events = until, self._events[told:]
+
+    def finish(self, *, complete: bool) -> dict:
+        return self._session.finish(self._about | {"complete": complete})
+
+
+class Replay(Protocol):
+    """A flight that is taken into a session piece by piece."""
+
+    def take(self, upto_ns: int) -> None: ...
+
+    def finish(self, *, complete: bool) -> dict: ...
+
+
+class Replayable(Protocol):
+    """A flight that is over: measured, or recorded live."""
+
+    @property
+    def start_ns(self) -> int: ...
+
+    @property
+    def end_ns(self) -> int: ...
+
+    @property
+    def times_ns(self) -> np.ndarray: ...
+
+    def replay(self, session: Session) -> Replay: ...
 
 
 def load(log: Path | None, station: Station, feeds: dict[str, Path]) -> MeasuredFlight:
@@ -142,10 +196,15 @@ def _complained(intake: Intake, batch: Batch, wrong: np.ndarray) -> Batch:
 
 
 class Playback:
-    """Where the replay stands; the view's buttons work it, the replay obeys."""
+    """Where the replay stands; the view's buttons work it, the replay obeys.
 
-    def __init__(self, start_ns: int, end_ns: int, speed: float):
+    ``times_ns`` (n,), in order, are the times of the data: where there are none for long, as between two logs
+    that were joined, time goes on at the next.
+    """
+
+    def __init__(self, start_ns: int, end_ns: int, times_ns: np.ndarray, speed: float):
         self.start_ns, self.end_ns, self.now_ns = start_ns, end_ns, start_ns
+        self._times_ns = times_ns
         self.speed, self.playing = speed, True
         self.stopped = False
         self._goal_ns: int | None = None
@@ -184,15 +243,25 @@ class Playback:
     def _target_ns(self) -> int:
         """Where time has come to: a seek hurries, a pause stands still."""
         if self._goal_ns is not None and self.now_ns < self._goal_ns:
-            return min(self._goal_ns, self.now_ns + STEP_NS)
+            return min(self._goal_ns, self._hurried_ns())
         if self._goal_ns is not None:
             self._goal_ns = None
             self._mark()
         if not self.playing:
             return self.now_ns
         if self.speed == float("inf"):
-            return min(self.end_ns, self.now_ns + STEP_NS)
+            return min(self.end_ns, self._hurried_ns())
+        if self._next_ns() - self.now_ns > EMPTY_NS:
+            self._from_s, self._from_ns = time.monotonic(), self._next_ns()
         return min(self.end_ns, self._from_ns + round((time.monotonic() - self._from_s) * self.speed * 1e9))
+
+    def _hurried_ns(self) -> int:
+        return max(self.now_ns + STEP_NS, self._next_ns())
+
+    def _next_ns(self) -> int:
+        """When there are data again, or the end."""
+        following = int(np.searchsorted(self._times_ns, self.now_ns, side="right"))
+        return int(self._times_ns[following]) if following < len(self._times_ns) else self.end_ns
 
     def _set(self, **changes) -> None:
         with self._changed:
@@ -206,28 +275,19 @@ class Playback:
         self._from_s, self._from_ns = time.monotonic(), self.now_ns
 
 
-def run(
-    flight: MeasuredFlight, new_session: Callable[[], Session], playback: Playback, *, stay: bool
-) -> dict:
+def run(flight: Replayable, new_session: Callable[[], Session], playback: Playback, *, stay: bool) -> dict:
     """Play a flight through; ``stay``: at its end wait for another seek. Returns the last summary."""
     while True:
-        session = new_session()
-        whole, events = batch_and_events(flight, session.intake)
-        session.enter_air(flight.air)
-        taken = 0
+        replay = flight.replay(new_session())
         while (upto_ns := playback.upto()) is not None:
-            until = int(np.searchsorted(whole.valid_ns, upto_ns, side="right"))
-            session.enter(Batch(*(column[taken:until] for column in whole)))
-            told = sum(event.t_ns <= upto_ns for event in events)
-            session.advance(upto_ns, events[:told])
-            taken, events = until, events[told:]
+            replay.take(upto_ns)
             if playback.stopped or upto_ns == playback.end_ns:
                 break
         if upto_ns is None:
             continue
         if not playback.stopped:
-            session.enter(Batch(*(column[taken:] for column in whole)))
-        summary = session.finish(flight.about | {"complete": not playback.stopped})
+            replay.take(FOREVER_NS)
+        summary = replay.finish(complete=not playback.stopped)
         if not stay or playback.stopped or playback.upto() is not None:
             return summary
 

@@ -1,5 +1,7 @@
 """The command line with bad input: one line that names file, line and remedy, exit code 2, no traceback."""
 
+import json
+import os
 import re
 import socket
 import subprocess
@@ -175,3 +177,30 @@ def test_screen_writes_beside_what_it_was_given(monkeypatch, capsys, tmp_path):
 def test_screen_refuses_what_is_no_feed(refused, tmp_path):
     assert "No such file" in refused("screen", tmp_path / "nothing.csv")
     assert "median" in refused("screen", FEED, "--out", tmp_path, "--method", "median")
+
+
+def test_recordings_that_are_none(refused, tmp_path):
+    nothing = tmp_path / "run.mcap"
+    assert f"{nothing}: No such file" in refused("replay", nothing)
+    nothing.write_bytes(b"\x89MCAP0\r\n")
+    assert "no recording of a run" in refused("replay", nothing)
+
+
+def test_a_replay_whose_folder_is_incomplete_has_failed(monkeypatch, capsys, tmp_path):
+    """The disk does not take the track."""
+    out = tmp_path / "run"
+    arguments = ["gcs", "replay", "--station", STATION, "--feed", f"theo-north={FEED}", "--out", out]
+    monkeypatch.setattr(sys, "argv", list(map(str, arguments)))
+    monkeypatch.setattr("gcs.outputs.record.PATIENCE_S", 0.0)
+    full = Path("/dev/full")
+    open_file = os.open
+    monkeypatch.setattr(
+        "gcs.outputs.disk.os.open",
+        lambda path, flags, mode: open_file(full if Path(path).name == "track.csv" else path, flags, mode),
+    )
+    with pytest.raises(SystemExit) as left:
+        main()
+    assert left.value.code == 1
+    told = capsys.readouterr().err
+    assert "missing rows: track.csv" in told
+    assert "track.csv" in json.loads((out / "summary.json").read_text())["not_written"]

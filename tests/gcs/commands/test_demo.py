@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from gcs.commands import doctor
+from tests.gcs.contract.ends import until
 
 SAMPLE = Path(__file__).resolve().parents[3] / "logs" / "sample"
 
@@ -26,7 +27,7 @@ def ports():
 
 @pytest.mark.network
 def test_the_demo_flies_live_and_ends(tmp_path, ports):
-    """All four feeds arrive over Zenoh, MAVLink over UDP, and the run folder is whole."""
+    """All four feeds arrive over Zenoh, MAVLink over UDP; the run folder is whole, the run replayed."""
     settings = f"bus.endpoint=tcp/127.0.0.1:{ports[0]}", f"mavlink.link=udpin:127.0.0.1:{ports[1]}"
     command = [sys.executable, "-m", "gcs", "demo", "--no-view", "--seconds", "8", "--out", str(tmp_path)]
     done = subprocess.run(
@@ -37,6 +38,44 @@ def test_the_demo_flies_live_and_ends(tmp_path, ports):
     assert set(summary["verdicts"]) == {"ins", "theo-north", "theo-east", "radar-1"}
     assert all(channels for channels in summary["verdicts"].values())
     assert len((tmp_path / "track.csv").read_text().splitlines()) > 50
+    for name in ("run.mcap", "link.tlog"):
+        again = tmp_path / name.replace(".", "-")
+        command = [sys.executable, "-m", "gcs", "replay", str(tmp_path / name), "--out", str(again)]
+        done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+        assert done.returncode == 0, done.stderr
+    for name in ("track.csv", "smoothed.csv", "verdicts.csv"):
+        assert (tmp_path / "run-mcap" / name).read_bytes() == (tmp_path / name).read_bytes()
+    assert (
+        json.loads((tmp_path / "link-tlog" / "summary.json").read_text())["verdicts"]["ins"]["e"]["used"] > 10
+    )
+
+
+@pytest.mark.network
+@pytest.mark.slow
+def test_a_killed_station_leaves_a_recording_and_its_folder(tmp_path, ports):
+    """Killed twice with the same command line: two folders, each with a recording that can be replayed."""
+    settings = f"bus.endpoint=tcp/127.0.0.1:{ports[0]}", f"mavlink.link=udpin:127.0.0.1:{ports[1]}"
+    out = tmp_path / "day"
+    command = [sys.executable, "-m", "gcs", "demo", "--no-view", "--out", str(out), "--config", *settings]
+    for folder in (out, tmp_path / "day-2"):
+        with subprocess.Popen(command, stderr=subprocess.DEVNULL) as running:
+            track = folder / "track.csv"
+            assert until(lambda track=track: track.exists() and track.stat().st_size > 10_000, 60.0)
+            running.kill()
+        assert not (folder / "summary.json").exists()
+        again = tmp_path / f"{folder.name}-again"
+        replay = [sys.executable, "-m", "gcs", "replay", str(folder / "run.mcap"), "--out", str(again)]
+        done = subprocess.run(replay, capture_output=True, text=True, timeout=120, check=False)
+        assert done.returncode == 0, done.stderr
+        told = json.loads((again / "summary.json").read_text())["recording"]
+        assert told["turns"] > 50
+        assert not told["ended"]
+        assert not told["missing_turns"]
+        kept = (folder / "track.csv").read_text().splitlines()[:-1]  # the last line may be torn
+        played = (again / "track.csv").read_text().splitlines()
+        shared = min(len(kept), len(played))
+        assert kept[:shared] == played[:shared]
+        assert shared > 10
 
 
 @pytest.mark.network

@@ -166,7 +166,10 @@ def test_a_recorded_flight_without_any_position_for_a_minute():
         loaded.ins[name][lost] = np.nan
     session = Session(station, loaded.frame, [kept])
     replay.run(
-        loaded, lambda: session, replay.Playback(loaded.start_ns, loaded.end_ns, float("inf")), stay=False
+        loaded,
+        lambda: session,
+        replay.Playback(loaded.start_ns, loaded.end_ns, loaded.times_ns, float("inf")),
+        stay=False,
     )
     track = np.concatenate(kept.track)
     last = track[np.searchsorted(track["t_ns"], end_ns) - 1]

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import time
 from collections import Counter
 from itertools import pairwise
 from pathlib import Path
@@ -159,7 +160,7 @@ def test_a_run_that_is_cut_off_leaves_what_was_final(tmp_path):
 
 
 def test_playback_pauses_seeks_and_ends():
-    playback = replay.Playback(0, 10 * replay.STEP_NS, float("inf"))
+    playback = replay.Playback(0, 10 * replay.STEP_NS, np.arange(0, 10 * replay.STEP_NS, 10**8), float("inf"))
     assert playback.upto() == replay.STEP_NS
     playback.pause()
     playback.seek(5 * replay.STEP_NS)
@@ -170,6 +171,33 @@ def test_playback_pauses_seeks_and_ends():
     assert playback.upto() == replay.STEP_NS
     playback.stop()
     assert playback.upto() == replay.STEP_NS
+
+
+YEARS_NS = 5 * 365 * 86_400 * 10**9
+
+
+@pytest.mark.parametrize("speed", [10.0, float("inf")])
+def test_years_between_two_logs_are_passed_over(speed):
+    """Two seconds of data, five years of nothing, two seconds: as long as four seconds."""
+    second = np.arange(0, 2 * replay.STEP_NS, 10**8)
+    times_ns = np.concatenate([second, YEARS_NS + second])
+    end_ns = int(times_ns[-1])
+    playback = replay.Playback(0, end_ns, times_ns, speed)
+    steps = []
+    while not steps or steps[-1] < end_ns:
+        steps.append(playback.upto())
+        time.sleep(0.001)
+        assert len(steps) < 10_000
+    assert steps == sorted(steps)
+    assert not [step for step in steps if replay.EMPTY_NS < step < YEARS_NS]
+    playback.pause()
+    playback.seek(0)
+    assert playback.upto() is None
+    playback.seek(YEARS_NS + 10**9)
+    for _ in range(10):
+        if (reached := playback.upto()) == YEARS_NS + 10**9:
+            break
+    assert reached == YEARS_NS + 10**9
 
 
 def test_summary_is_json_without_nan(run):
@@ -184,7 +212,7 @@ def test_feeds_alone_are_a_flight(tmp_path):
     flight = replay.load(None, station, feeds)
     station = replay.heard(station, feeds)
     assert [sensor.name for sensor in station.sensor] == list(feeds)
-    playback = replay.Playback(flight.start_ns, flight.end_ns, float("inf"))
+    playback = replay.Playback(flight.start_ns, flight.end_ns, flight.times_ns, float("inf"))
 
     def session() -> Session:
         return Session(station, flight.frame, [Record(tmp_path, station, flight.frame)])

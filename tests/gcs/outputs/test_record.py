@@ -1,0 +1,92 @@
+"""A run whose disk fails goes on to its end, and its summary says what is missing."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from filters.models.rows import TRACK
+from gcs.contract import config
+from gcs.contract.frames import Frame
+from gcs.outputs import disk, record
+from gcs.outputs.record import TRACK_HEADER, Record
+from gcs.station.ledger import Ledger
+from gcs.station.session import Update
+
+
+@pytest.fixture
+def update():
+    """Five epochs, nothing judged."""
+    ledger = Ledger(["ins"], ())
+    track = np.zeros(5, TRACK)
+    track["t_ns"], track["P"] = np.arange(5), np.eye(9)
+    nothing = ledger.at(np.empty(0, int))
+    return Update(track, track[:3], nothing, nothing, ledger)
+
+
+@pytest.fixture
+def begin(monkeypatch):
+    """Opens a record; what its operator is told goes into a list."""
+    monkeypatch.setattr(disk, "RETRY_S", 0.0)
+    monkeypatch.setattr(record, "PATIENCE_S", 0.0)
+
+    def begin(folder: Path) -> tuple[Record, list[str]]:
+        told: list[str] = []
+        return Record(folder, config.Station(), Frame(0.0, 0.0, 0.0), lambda _, text: told.append(text)), told
+
+    return begin
+
+
+def test_a_whole_run_says_that_nothing_is_missing(begin, tmp_path, update):
+    sink, told = begin(tmp_path)
+    sink.take(update)
+    sink.close({"complete": True}, update.track)
+    assert json.loads((tmp_path / "summary.json").read_text()) == {"complete": True, "not_written": {}}
+    assert len((tmp_path / "smoothed.csv").read_text().splitlines()) == 6
+    assert told == []
+
+
+def test_a_full_disk_is_told_counted_and_survived(begin, tmp_path, update):
+    (tmp_path / "track.csv").symlink_to("/dev/full")
+    sink, told = begin(tmp_path)
+    for _ in range(3):
+        sink.take(update)
+    sink.close({}, update.track)
+    lost = 1 + 3 * 5  # header and rows
+    assert json.loads((tmp_path / "summary.json").read_text())["not_written"] == {"track.csv": lost}
+    assert "No space left" in told[0]
+    assert f"track.csv {lost}" in told[-1]
+
+
+def test_without_room_for_the_best_estimate_the_windows_view_stays(begin, tmp_path, update):
+    sink, told = begin(tmp_path)
+    sink.take(update)
+    (tmp_path / "smoothed.csv.new").symlink_to("/dev/full")
+    (tmp_path / "summary.json.new").symlink_to("/dev/full")
+    sink.close({}, update.track)
+    assert (tmp_path / "smoothed.csv").read_text().startswith(TRACK_HEADER)
+    assert len((tmp_path / "smoothed.csv").read_text().splitlines()) == 4
+    assert not (tmp_path / "summary.json").exists()
+    assert any("summary.json: No space left" in text for text in told)
+    assert "smoothed.csv 5" in told[-1]
+
+
+def test_a_folder_taken_away_is_there_again(begin, tmp_path, update):
+    folder = tmp_path / "run"
+    folder.mkdir()
+    sink, told = begin(folder)
+    sink.take(update)
+    for path in folder.iterdir():
+        path.unlink()
+    folder.rmdir()
+    sink.take(update)
+    sink.close({}, update.track)
+    assert len((folder / "track.csv").read_text().splitlines()) == 11
+    assert {path.name for path in folder.iterdir()} >= {
+        "smoothed.csv",
+        "verdicts.csv",
+        "summary.json",
+        "station.toml",
+    }
+    assert any("taken away" in text for text in told)
