@@ -250,9 +250,9 @@ def _listen(host: str, port: int) -> socket.socket:
     server = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     try:
         server.bind((host, port))
-    except (OSError, OverflowError) as error:
+    except (OSError, OverflowError, TypeError, ValueError) as error:  # names that cannot be resolved too
         server.close()
-        why = getattr(error, "strerror", None) or "a port is a number from 0 to 65535"
+        why = getattr(error, "strerror", None) or "give a host, and a port from 0 to 65535"
         raise FeedError(f"udp {host}:{port}: {why}; choose another address or port") from None
     server.settimeout(0.1)  # how long a stop may take
     return server

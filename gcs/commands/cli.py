@@ -38,5 +38,6 @@ def main() -> None:
 
 
 def _refuse(line: str) -> None:
-    print(f"gcs: {line}", file=sys.stderr)
+    shown = "".join(c if c.isprintable() else ascii(c)[1:-1] for c in line)  # what was given is shown in it
+    print(f"gcs: {shown}", file=sys.stderr)
     sys.exit(2)

@@ -54,6 +54,8 @@ def _read(path: Path) -> str:
 def _override(tree: dict, override: str) -> Steps:
     """Set one dotted key; sensors go by name: ``sensor.theo-north.latency_s=0.1``. Returns where it went."""
     key, equals, raw = override.partition("=")
+    if not override.isprintable():
+        raise InputError(f"--config {ascii(override)[1:-1]}: holds a character that cannot be printed")
     if not equals:
         raise InputError(f"--config {override}: expected KEY=VALUE, such as ins.height_m=2.0")
     try:
