@@ -28,7 +28,9 @@ def open_bus(station: Station, **options: Any) -> "Bus":
     media = MSGPACK if station.bus.media == "msgpack" else JSON
     names = station.range.name, station.vehicle.name
     return Bus.open(
-        *names, **{"mode": station.bus.mode, "endpoint": station.bus.endpoint, "media": media} | options
+        *names,
+        **{"mode": station.bus.mode, "endpoint": station.bus.endpoint, "media": media, "tls": station.bus.tls}
+        | options,
     )
 
 

@@ -29,8 +29,9 @@ import msgspec
 import zenoh
 from zenoh import ext
 
-from gcs.contract.config import BusSection
+from gcs.contract.config import BusSection, TlsSection
 from gcs.contract.messages import ANY, JSON, Bad, InputError, decode, encode
+from gcs.contract.tls import shown
 
 ENDPOINT = BusSection().endpoint
 KEEP = 2_000  # samples each key keeps for late joiners and recovery: 20 s at 100 Hz
@@ -138,6 +139,7 @@ class Bus:
         mode: str = "router",
         endpoint: str = ENDPOINT,
         media: str = JSON,
+        tls: TlsSection | None = None,
         waiting: Callable[[str], None] | None = None,
     ) -> "Bus":
         """Join the bus.
@@ -150,7 +152,7 @@ class Bus:
         Raises ``BusError``: bad name or endpoint, endpoint taken, no router.
         """
         prefix = f"{_name(range_name)}/{_name(vehicle)}"
-        config = _config(mode, endpoint)
+        config = _config(mode, endpoint, tls)
         while True:
             try:
                 settled_s = time.monotonic() + (RETURN_S if mode == "router" else 0.0)
@@ -262,9 +264,9 @@ def _say_nothing(_line: str) -> None:
     pass
 
 
-def _config(mode: str, endpoint: str) -> zenoh.Config:
+def _config(mode: str, endpoint: str, tls: TlsSection | None) -> zenoh.Config:
     listens, retry_ms = mode == "router", int(RETRY_S * 1e3)
-    settings = {
+    settings = shown(tls, listens=listens) | {
         "mode": mode,
         "listen/endpoints": [endpoint] if listens else [],
         "connect/endpoints": [] if listens else [endpoint],

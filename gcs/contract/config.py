@@ -90,8 +90,24 @@ class MavlinkSection(Section, frozen=True):
     link: Annotated[str, Meta(description="any pymavlink address; empty: none")] = "udpin:127.0.0.1:14550"
 
 
+File = Annotated[str, Meta(min_length=1)]
+
+
+class TlsSection(Section, frozen=True):
+    """Who this process is on the bus, and who signs for the others: PEM files, see docs/security."""
+
+    root_ca: Annotated[File, Meta(description="certificate of the range's own authority")]
+    certificate: Annotated[File, Meta(description="of this process; its common name is its role")]
+    private_key: Annotated[File, Meta(description="of that certificate")]
+
+
 class BusSection(Section, frozen=True):
     """Zenoh."""
+
+    tls: Annotated[
+        TlsSection | None,
+        Meta(description="for an endpoint tls/HOST:PORT, where both ends show a certificate; paths as given"),
+    ] = None
 
     mode: Annotated[
         Literal["router", "client", "peer"], Meta(description="router: the station itself, for one machine")
