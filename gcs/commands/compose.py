@@ -38,7 +38,9 @@ def open_view(station: Station, frame: Frame, playback: Playback | None = None) 
     """The view in the browser, on the station's port."""
     from web.view import View  # viser is not needed without a view
 
-    return View(scene(station, frame), port=station.view.port, playback=playback)
+    return View(
+        scene(station, frame), port=station.view.port, playback=playback, origins=station.view.origins
+    )
 
 
 def targets(bus: "Bus | None" = None, view: "View | None" = None) -> list[Target]:

@@ -6,6 +6,7 @@ This is the one source of all of them; ``docs/settings.md`` is written from it. 
 A wrong station file raises ``InputError``: one line with the file, the line, what is wrong and what is valid.
 """
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -120,6 +121,17 @@ class ViewSection(Section, frozen=True):
     """The view in the browser."""
 
     port: Annotated[int, Meta(ge=1, le=65535, description="on loopback")] = 8080
+    origins: Annotated[
+        list[str],
+        Meta(description="of pages that may talk to it beside this machine's own: https://HOST of a proxy"),
+    ] = msgspec.field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        for origin in self.origins:
+            if not re.fullmatch(r"https?://[^/\s]+", origin):
+                raise ValueError(
+                    f"{origin[:40]!r} is no origin; give https://HOST or https://HOST:PORT, no path"
+                )
 
 
 class AlignSection(Section, frozen=True):

@@ -1,9 +1,10 @@
-"""docs/security: the router of a range, with the certificates of the script. Every put is tried by every role.
+"""docs/security: the router of a range, with the script's certificates. Every put is tried by every role.
 
 A router in this process takes the same configuration as zenohd.
 """
 
 import json
+import re
 import socket
 import subprocess
 import time
@@ -13,6 +14,8 @@ from pathlib import Path
 import msgspec
 import pytest
 import zenoh
+from websockets.datastructures import Headers
+from websockets.http11 import Request
 
 from gcs.commands.compose import open_bus
 from gcs.contract import config
@@ -20,6 +23,7 @@ from gcs.contract.bus import Bus, BusError
 from gcs.contract.config import TlsSection
 from gcs.contract.messages import Event, InputError, encode
 from tests.gcs.contract.ends import collect, shot, state, until
+from web.origins import refusal
 
 pytestmark = pytest.mark.network
 
@@ -192,3 +196,26 @@ def test_the_example_names_every_role():
     writes = [rule for rule in access["rules"] if "put" in rule["messages"] and "ingress" in rule["flows"]]
     written = {key.replace("*", "theo-north") for rule in writes for key in rule["key_exprs"]}
     assert {f"demo/uav1/{key}" for key in set().union(*MAY_WRITE.values())} <= written
+
+
+def test_what_the_proxy_sends_on_is_what_the_view_lets_in():
+    """nginx itself is no part of the tests: the headers of its example, as they reach the view."""
+    text = (SECURITY / "nginx.conf").read_text(encoding="utf-8")
+    (host,) = re.findall(r"proxy_set_header Host (\S+);", text)
+    (upstream,) = re.findall(r"proxy_pass http://(\S+);", text)
+    (origin,) = re.findall(r'origins = \["(\S+)"\]', text)
+    view = config.load(None, [f"view.origins=['{origin}']"]).view
+    assert host == upstream == f"127.0.0.1:{view.port}"
+    assert "Origin" not in re.findall(r"proxy_set_header (\S+)", text)  # else every page would be its own
+    assert re.search(r"^\s*auth_basic ", text, re.MULTILINE)
+    for asks, refused in ((origin, False), ("https://evil.example", True)):
+        headers = Headers({"Host": host, "Origin": asks})
+        assert (refusal(Request("/", headers), view.port, view.origins) is not None) == refused
+
+
+@pytest.mark.parametrize(
+    "origin", ["range.example", "https://range.example/", "ftp://x", "https://", "*", "null"]
+)
+def test_what_is_no_origin_is_refused(origin):
+    with pytest.raises(InputError, match="is no origin; give https://HOST"):
+        config.load(None, [f"view.origins=['{origin}']"])
