@@ -11,16 +11,16 @@ import random
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
+from unittest import mock
 
 import msgspec
 import numpy as np
 
 from bridges.tlog import scan
-from gcs.commands.compose import new_session
+from gcs.commands.replay import command
 from gcs.contract import config
 from gcs.contract.messages import VERDICTS, InputError
 from gcs.station import replay
-from gcs.station.health import Files
 from gcs.station.session import Session
 from tests.fuzz import mutate
 from tests.fuzz.mutate import Bytes
@@ -37,7 +37,6 @@ REAL = {  # name → system id
     "plane_wind8": 2,
 }
 TEXTS = {"sensor", "channel", "verdict", "reason"}  # columns of verdicts.csv that hold no number
-LONG_NS = 3_600_000_000_000  # a flight that lasts longer than the log it is in
 MAY_BE_EMPTY = {"t_ns", "value", "predicted", "sigma", "protection_h_m", "protection_v_m"}
 
 
@@ -98,41 +97,27 @@ def lost_frames(of: DamagedLog) -> list[str]:
 
 
 def problems(of: DamagedLog, folder: Path, feeds: dict[str, Path] | None = None) -> list[str]:
-    """All that is wrong with what the station makes of a damaged log, replayed to its end."""
+    """All that is wrong with what `gcs replay` makes of a damaged log: its files, and what is published."""
     folder.mkdir(parents=True, exist_ok=True)
-    path, out = folder / "damaged.tlog", folder / "run"
+    path, out, sent = folder / "damaged.tlog", folder / "run", []
     path.write_bytes(of.damaged.data.tobytes())
     found = lost_frames(of)
-    base = SAMPLE / "station.toml" if feeds else None
-    station = config.load(base, [f"vehicle.system_id={of.log.system_id}"])
+    told = {
+        "station": SAMPLE / "station.toml" if feeds else None,
+        "config": (f"vehicle.system_id={of.log.system_id}",),
+    }
+    here = {"on_signal": lambda _: None, "targets": lambda *_: [lambda *put: sent.append(put[1])]}
     try:
-        flight = replay.load(path, station, feeds or {})
+        with mock.patch.multiple("gcs.commands.replay", **here):
+            command(
+                path, feed=tuple(f"{name}={file}" for name, file in (feeds or {}).items()), out=out, **told
+            )
     except InputError as error:
         return found + _wrongly_refused(of, str(error))
-    sent: list = []
-
-    def session() -> Session:
-        heard = replay.heard(station, flight.feeds)
-        return new_session(heard, flight.frame, out, "default", [lambda *put: sent.append(put[1])], Files())
-
-    whole = replay.batch(flight, Session(replay.heard(station, flight.feeds), flight.frame, []).intake)
-    if flight.end_ns - flight.start_ns <= LONG_NS:
-        playback = replay.Playback(flight.start_ns, flight.end_ns, float("inf"))
-        summary = replay.run(flight, session, playback, stay=False)
-    else:
-        summary = _leap(flight, session())
-    return found + list(_outputs(out, summary, sent, len(whole.entries)))
-
-
-def _leap(flight: replay.MeasuredFlight, session: Session) -> dict:
-    """Over years that forged stamps put between two records: only the seconds that have data."""
-    whole = replay.batch(flight, session.intake)
-    session.enter_air(flight.air)
-    seconds = whole.valid_ns // replay.STEP_NS
-    for second in np.unique(seconds).tolist():
-        session.enter(replay.Batch(*(column[seconds == second] for column in whole)))
-        session.advance((second + 1) * replay.STEP_NS)
-    return session.finish(flight.about | {"complete": True})
+    station = config.load(told["station"], told["config"])
+    flight = replay.load(path, station, feeds or {})
+    intake = Session(replay.heard(station, flight.feeds), flight.frame, []).intake
+    return found + list(_outputs(out, sent, len(replay.batch(flight, intake).entries)))
 
 
 def _wrongly_refused(of: DamagedLog, line: str) -> list[str]:
@@ -147,8 +132,8 @@ def _wrongly_refused(of: DamagedLog, line: str) -> list[str]:
     return [f"{reports} position reports are left, yet: {line}"] if reports else []
 
 
-def _outputs(out: Path, summary: dict, sent: list, expected: int) -> Iterator[str]:
-    json.dumps(summary, allow_nan=False)
+def _outputs(out: Path, sent: list, expected: int) -> Iterator[str]:
+    json.dumps(json.loads((out / "summary.json").read_text(encoding="utf-8")), allow_nan=False)
     for name in ("track.csv", "smoothed.csv", "verdicts.csv"):
         yield from table(out / name)
     with (out / "verdicts.csv").open(encoding="utf-8", newline="") as file:
