@@ -55,10 +55,9 @@ def read(path: Path, source: str, columns: tuple[str, ...] = COLUMNS) -> tuple[n
     path = Path(path)
     try:
         text = path.read_bytes().decode("utf-8-sig", errors="replace")
-    except OSError as error:
-        raise FeedError(
-            f"{path}: {error.strerror}; name a CSV file with the header {_valid(columns)}"
-        ) from None
+    except (OSError, ValueError) as error:
+        why = getattr(error, "strerror", None) or error
+        raise FeedError(f"{path}: {why}; name a CSV file with the header {_valid(columns)}") from None
     lines = text.replace("\r\n", "\n").split("\n")
     header = _header(path, lines[0], columns)
     filled = [(number, line) for number, line in enumerate(lines[1:], 2) if line and not line.isspace()]

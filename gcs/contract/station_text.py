@@ -47,7 +47,7 @@ def _read(path: Path) -> str:
         return path.read_text(encoding="utf-8")
     except FileNotFoundError:
         raise InputError(f"{path}: no such station file; name one with --station") from None
-    except (OSError, UnicodeDecodeError) as error:
+    except (OSError, ValueError) as error:  # no UTF-8 in it, or a name that no file can have
         raise InputError(f"{path}: not a readable text file ({error})") from None
 
 
