@@ -5,9 +5,13 @@ BIN := .venv/bin
 
 QUICK := not slow and not network and not torch and not browser
 
-PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
+PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
+LOCKED := $(PIP) --require-hashes --only-binary :all: --requirement
+SUPPLY := .venv/supply/bin
+COMPILE := $(SUPPLY)/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --only-binary :all: \
+    --no-annotate --custom-compile-command "make lock"
 
-.PHONY: demo test check bench format wheel lock clean
+.PHONY: demo test check bench format wheel lock sbom audit fuzz clean
 
 demo: .venv/core
 	$(BIN)/gcs demo
@@ -36,31 +40,55 @@ format: .venv/test
 
 wheel: .venv/core   # what is shipped, tried in an empty environment and from another folder
 	rm -rf build dist
-	$(BIN)/python -m pip wheel --quiet --no-deps --wheel-dir dist .
+	$(BIN)/python -m pip wheel --quiet --no-deps --no-build-isolation --wheel-dir dist .
 	$(PYTHON) -m venv --clear .venv/shipped
-	.venv/shipped/bin/python -m pip install --quiet --constraint constraints.txt dist/*.whl
+	.venv/shipped/bin/python -m pip install --quiet --require-hashes --only-binary :all: \
+	    --requirement requirements/core.txt
+	.venv/shipped/bin/python -m pip install --quiet --no-deps dist/*.whl
 	cd "$$(mktemp -d)" && $(CURDIR)/.venv/shipped/bin/gcs demo --seconds 8 --no-view --out run && \
 	    test "$$(wc -l < run/track.csv)" -gt 1
 
-lock:   # constraints.txt from the newest versions that pyproject.toml allows; run `make test` before it is kept
-	$(PYTHON) -m venv --clear .venv/newest
-	.venv/newest/bin/python -m pip install --quiet --disable-pip-version-check '.[test,train,bench]'
-	sed -i '/^[^#]/d' constraints.txt
-	.venv/newest/bin/python -m pip freeze --all --exclude gcs-trajectory --exclude pip >> constraints.txt
-	rm -rf .venv/newest
+lock: $(SUPPLY)/uv   # requirements/ from the newest versions that pyproject.toml allows; `make test` before it is kept
+	$(COMPILE) --upgrade --group build --all-extras pyproject.toml --output-file requirements/test.txt
+	$(COMPILE) --upgrade --group build --extra test pyproject.toml --constraint requirements/test.txt \
+	    --output-file requirements/check.txt
+	$(COMPILE) --upgrade --group build pyproject.toml --constraint requirements/test.txt \
+	    --output-file requirements/core.txt
+	$(COMPILE) --upgrade --group supply --output-file requirements/supply.txt
 
-.venv/core: pyproject.toml constraints.txt
+sbom: $(SUPPLY)/uv   # what `make demo` installs, with versions and hashes, as CycloneDX
+	mkdir -p dist
+	$(SUPPLY)/cyclonedx-py requirements requirements/core.txt --pyproject pyproject.toml --output-reproducible \
+	    --output-file dist/sbom.json
+
+audit: $(SUPPLY)/uv   # known vulnerabilities of all that is locked; fails where the database cannot be asked
+	$(SUPPLY)/pip-audit --strict --disable-pip --require-hashes --requirement requirements/test.txt
+	$(SUPPLY)/pip-audit --strict --disable-pip --require-hashes --requirement requirements/supply.txt
+
+fuzz: .venv/check   # about an hour; what is found is kept in found/
+	$(BIN)/python -m tests.fuzz logs --count 2000 --seed $${SEED:-0}
+	$(BIN)/python -m tests.fuzz csv station override frames --count 2000 --seed $${SEED:-0}
+	$(BIN)/python -m tests.fuzz datagram payload stamp --count 100000 --seed $${SEED:-0}
+
+.venv/core: pyproject.toml requirements/core.txt
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed: make PYTHON=python3.11")'
 	test -x $(BIN)/python || $(PYTHON) -m venv .venv
-	$(PIP) --editable .
+	$(LOCKED) requirements/core.txt
+	$(PIP) --no-deps --no-build-isolation --editable .
 	touch $@
 
-.venv/check: .venv/core
-	$(PIP) --editable '.[test]'
+.venv/check: .venv/core requirements/check.txt
+	$(LOCKED) requirements/check.txt
 	touch $@
 
-.venv/test: .venv/core
-	$(PIP) --editable '.[test,train,bench]'
+.venv/test: .venv/core requirements/test.txt
+	$(LOCKED) requirements/test.txt
+	touch $@
+
+$(SUPPLY)/uv: requirements/supply.txt   # an environment of its own: these want other versions
+	test -x $(SUPPLY)/python || $(PYTHON) -m venv .venv/supply
+	.venv/supply/bin/python -m pip install --quiet --disable-pip-version-check --require-hashes \
+	    --only-binary :all: --requirement $<
 	touch $@
 
 clean:

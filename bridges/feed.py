@@ -60,10 +60,9 @@ def read(path: Path, source: str, columns: tuple[str, ...] = COLUMNS) -> tuple[n
     path = Path(path)
     try:
         text = path.read_bytes().decode("utf-8-sig", errors="replace")
-    except OSError as error:
-        raise FeedError(
-            f"{path}: {error.strerror}; name a CSV file with the header {_valid(columns)}"
-        ) from None
+    except (OSError, ValueError) as error:
+        why = getattr(error, "strerror", None) or error
+        raise FeedError(f"{path}: {why}; name a CSV file with the header {_valid(columns)}") from None
     lines = text.replace("\r\n", "\n").split("\n")
     header = _header(path, lines[0], columns)
     filled = [(number, line) for number, line in enumerate(lines[1:], 2) if line and not line.isspace()]
@@ -257,9 +256,9 @@ def _listen(host: str, port: int) -> socket.socket:
     server = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     try:
         server.bind((host, port))
-    except (OSError, OverflowError) as error:
+    except (OSError, OverflowError, TypeError, ValueError) as error:  # names that cannot be resolved too
         server.close()
-        why = getattr(error, "strerror", None) or "a port is a number from 0 to 65535"
+        why = getattr(error, "strerror", None) or "give a host, and a port from 0 to 65535"
         raise FeedError(f"udp {host}:{port}: {why}; choose another address or port") from None
     server.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER_BYTES)  # the kernel gives what it allows
     if sys.platform == "linux":

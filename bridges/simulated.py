@@ -16,6 +16,7 @@ the ellipsoid, so the Earth is as round as it is. The same seed gives the same b
 import csv
 import gzip
 import json
+import os
 import threading
 from collections.abc import Sequence
 from operator import itemgetter
@@ -58,7 +59,7 @@ class SimulatedInstrument(NamedTuple):
 def read_truth(path: Path, boot_to_utc_ns: int | None = None) -> np.ndarray:
     """(n,) ``TRUTH``. Raises ``FeedError`` for a file that is none."""
     path = Path(path)
-    if not path.is_file():
+    if not os.path.isfile(path):  # also where no file can have such a name
         raise feed.FeedError(
             f"{path}: no such file; name a truth CSV with t_ns or TimeUS, lat_deg, lon_deg, alt_m"
         )

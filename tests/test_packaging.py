@@ -1,9 +1,11 @@
 """What is shipped: one version, the sample flight, and versions that are written down."""
 
 import importlib.metadata
+import re
 import tomllib
 from pathlib import Path
 
+import pytest
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
@@ -13,14 +15,16 @@ EXTRAS = PROJECT["project"]["optional-dependencies"]
 DIRECT = [
     Requirement(text) for part in (PROJECT["project"]["dependencies"], *EXTRAS.values()) for text in part
 ]
-PINS = {
-    canonicalize_name(name): version
-    for name, _, version in (
-        line.partition("==")
-        for line in (ROOT / "constraints.txt").read_text(encoding="utf-8").splitlines()
-        if not line.startswith("#")
-    )
-}
+
+
+def pins(name: str) -> dict[str, str]:
+    """Package → version of one lock file."""
+    text = (ROOT / "requirements" / f"{name}.txt").read_text(encoding="utf-8")
+    return {canonicalize_name(n): v for n, v in re.findall(r"^([\w.-]+)==(\S+)", text, re.MULTILINE)}
+
+
+PINS = pins("test")
+LOCKS = ("core", "check", "test", "supply")
 
 
 def test_every_dependency_has_its_version_written_down():
@@ -42,6 +46,31 @@ def test_what_dependencies_need_is_written_down_too():
         except importlib.metadata.PackageNotFoundError:  # make check has no torch
             continue
         left += [(Requirement(text), extra) for text in further for extra in (*wanted.extras, "")]
+
+
+@pytest.mark.parametrize("name", LOCKS)
+def test_every_file_that_may_be_installed_has_its_hash(name):
+    text = (ROOT / "requirements" / f"{name}.txt").read_text(encoding="utf-8")
+    entries = re.split(r"^(?=[\w.-]+==)", text, flags=re.MULTILINE)[1:]
+    assert entries
+    assert [entry.split()[0] for entry in entries if "--hash=sha256:" not in entry] == []
+    assert "://" not in text
+
+
+@pytest.mark.parametrize("name", ["core", "check"])
+def test_a_smaller_lock_is_part_of_the_whole_one(name):
+    assert pins(name).items() <= PINS.items()
+
+
+def test_make_installs_by_hash_alone():
+    """Each install in the Makefile asks for hashes, or brings nothing but this project."""
+    text = (ROOT / "Makefile").read_text(encoding="utf-8").replace("\\\n", " ")
+    text = text.replace("$(LOCKED)", re.search(r"^LOCKED := (.*)$", text, re.MULTILINE)[1])
+    text = text.replace("$(PIP)", re.search(r"^PIP := (.*)$", text, re.MULTILINE)[1])
+    installs = [line for line in text.splitlines() if line.startswith("\t") and "pip install" in line]
+    assert len(installs) >= 6
+    for line in installs:
+        assert "--require-hashes" in line or "--no-deps" in line, line
 
 
 def test_the_version_stands_in_one_place():

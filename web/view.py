@@ -9,6 +9,7 @@ import io
 import threading
 import time
 from collections import deque
+from collections.abc import Collection
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -18,6 +19,7 @@ from gcs.contract.messages import ANY, Event, Health, InputError, Scene, State, 
 from gcs.contract.supervision import Part
 from web import colours, panel
 from web.controls import Playable, Player
+from web.origins import only
 from web.scene import LAYERS, Picture
 
 if TYPE_CHECKING:  # zenoh is loaded by whoever opens the bus
@@ -37,8 +39,15 @@ class ViewError(InputError):
 class View:
     """A page with the picture and the panel. With ``playback`` it also steers a replay."""
 
-    def __init__(self, scene: Scene, *, port: int = 8080, playback: Playable | None = None):
-        with _hush():
+    def __init__(
+        self,
+        scene: Scene,
+        *,
+        port: int = 8080,
+        playback: Playable | None = None,
+        origins: Collection[str] = (),
+    ):
+        with _hush(), only(port, origins):
             self._server = viser.ViserServer(host="127.0.0.1", port=port, label="gcs", verbose=False)
         if self._server.get_port() != port:  # viser quietly takes the next free one
             self._stop_server()

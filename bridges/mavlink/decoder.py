@@ -142,7 +142,7 @@ class Decoder:
         self.bad += 1
         return Bad(source="ins", where=f"{self.link} #{self.bad}", reason=reason[:TEXT], raw=raw)
 
-    def _air(self, name: str, message, arrival_ns: int) -> AirData | None:
+    def _air(self, name: str, message, arrival_ns: int) -> AirData | Bad | None:
         """What concerns the air; a VFR_HUD becomes a measurement once a pitot tube is known of."""
         if name == "AIRSPEED":
             self._pitot = True
@@ -154,6 +154,8 @@ class Decoder:
             self._own_wind = autopilot.wind_cov_en(message.wind_x, message.wind_y)
         elif name == "VFR_HUD" and self._pitot and self._attitude is not None:
             t_ns, angles, _ = self._attitude
+            if not np.isfinite([message.airspeed, message.alt, *angles]).all():
+                return self._refused("VFR_HUD, or the ATTITUDE before it, holds what is no number")
             roll_deg, pitch_deg, yaw_deg = np.degrees(angles).tolist()
             return AirData(
                 t_ns=t_ns,

@@ -113,9 +113,10 @@ def _check(link: str) -> None:
         with closing(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) as probe:
             try:
                 probe.bind((host, int(port)))
-            except OSError as error:
+            except (OSError, TypeError, ValueError) as error:  # a name that cannot be resolved too
+                why = getattr(error, "strerror", None) or error
                 raise LinkError(
-                    f"{link}: {error.strerror}; another ground station may be listening: choose another port"
+                    f"{link}: {why}; another ground station may be listening: choose another port"
                 ) from None
 
 

@@ -5,6 +5,7 @@ log.messages("ATTITUDE")                  all fields of one message as columns
 vehicles(log)                             who speaks in it
 """
 
+import os
 from pathlib import Path
 from typing import NamedTuple
 
@@ -73,7 +74,7 @@ class Tlog(NamedTuple):
 def read(path: str | Path) -> Tlog:
     """The log at ``path``. Raises LogError where there is none in it."""
     path = Path(path)
-    if not path.is_file():
+    if not os.path.isfile(path):  # also where no file can have such a name
         raise LogError(f"{path}: no such file; give the .tlog the ground station recorded")
     data = np.fromfile(path, np.uint8)
     if not data.size:

@@ -17,7 +17,7 @@ COMMANDS = {
     "demo": "The sample flight with theodolites and a radar, live through Zenoh, in the browser.",
     "screen": "One raw feed, channel by channel, without a trajectory: cleaned feed, flags and a picture.",
     "train": "Train the correction network and test it on flights it has never seen.",
-    "doctor": "Check Python, packages, station file, ports, router and clock before a flight.",
+    "doctor": "Check Python, packages, station file, ports, listeners, router and clock before a flight.",
 }
 
 app = App(name="gcs", version=__version__, help="Flight-test trajectory measurement: where was it really?")
@@ -38,5 +38,6 @@ def main() -> None:
 
 
 def _refuse(line: str) -> None:
-    print(f"gcs: {line}", file=sys.stderr)
+    shown = "".join(c if c.isprintable() else ascii(c)[1:-1] for c in line)  # what was given is shown in it
+    print(f"gcs: {shown}", file=sys.stderr)
     sys.exit(2)

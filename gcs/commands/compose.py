@@ -30,15 +30,17 @@ def open_bus(station: Station, **options: Any) -> "Bus":
     names = station.range.name, station.vehicle.name
     said = station.bus
     rates_hz = {"": said.rate_hz, **dict.fromkeys(("ins", "air"), said.ins_rate_hz)}
-    settings: dict[str, Any] = {"mode": said.mode, "endpoint": said.endpoint, "rates_hz": rates_hz}
-    return Bus.open(*names, **settings | {"media": media} | options)
+    settings: dict[str, Any] = {"mode": said.mode, "endpoint": said.endpoint, "media": media}
+    return Bus.open(*names, **settings | {"tls": said.tls, "rates_hz": rates_hz} | options)
 
 
 def open_view(station: Station, frame: Frame, playback: Playback | None = None) -> "View":
     """The view in the browser, on the station's port."""
     from web.view import View  # viser is not needed without a view
 
-    return View(scene(station, frame), port=station.view.port, playback=playback)
+    return View(
+        scene(station, frame), port=station.view.port, playback=playback, origins=station.view.origins
+    )
 
 
 def targets(bus: "Bus | None" = None, view: "View | None" = None) -> list[Target]:

@@ -30,12 +30,13 @@ from types import MappingProxyType
 import zenoh
 from zenoh import ext
 
-from gcs.contract.config import BusSection
+from gcs.contract.config import BusSection, TlsSection
 from gcs.contract.holders import Holders
 from gcs.contract.inbox import Inbox, Limits
 from gcs.contract.messages import ANY, JSON, InputError, encode
 from gcs.contract.subscription import Sample, Subscription
 from gcs.contract.supervision import guarded
+from gcs.contract.tls import shown
 
 ENDPOINT = BusSection().endpoint
 KEEP = 2_000  # samples each key keeps for late joiners and recovery: 20 s at 100 Hz
@@ -79,6 +80,7 @@ class Bus:
         endpoint: str = ENDPOINT,
         media: str = JSON,
         rates_hz: Mapping[str, float] = MappingProxyType({}),
+        tls: TlsSection | None = None,
         waiting: Callable[[str], None] | None = None,
     ) -> "Bus":
         """Join the bus.
@@ -92,7 +94,7 @@ class Bus:
         Raises ``BusError``: bad name or endpoint, endpoint taken, no router.
         """
         prefix = f"{_name(range_name)}/{_name(vehicle)}"
-        config = _config(mode, endpoint)
+        config = _config(mode, endpoint, tls)
         while True:
             try:
                 bus = cls(zenoh.open(config), prefix, media, rates_hz)
@@ -246,9 +248,9 @@ def _say_nothing(_line: str) -> None:
     pass
 
 
-def _config(mode: str, endpoint: str) -> zenoh.Config:
+def _config(mode: str, endpoint: str, tls: TlsSection | None) -> zenoh.Config:
     listens, retry_ms = mode == "router", int(RETRY_S * 1e3)
-    settings = {
+    settings = shown(tls, listens=listens) | {
         "mode": mode,
         "listen/endpoints": [endpoint] if listens else [],
         "connect/endpoints": [] if listens else [endpoint],

@@ -6,6 +6,7 @@ This is the one source of all of them; ``docs/settings.md`` is written from it. 
 A wrong station file raises ``InputError``: one line with the file, the line, what is wrong and what is valid.
 """
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -90,8 +91,24 @@ class MavlinkSection(Section, frozen=True):
     link: Annotated[str, Meta(description="any pymavlink address; empty: none")] = "udpin:127.0.0.1:14550"
 
 
+File = Annotated[str, Meta(min_length=1)]
+
+
+class TlsSection(Section, frozen=True):
+    """Who this process is on the bus, and who signs for the others: PEM files, see docs/security."""
+
+    root_ca: Annotated[File, Meta(description="certificate of the range's own authority")]
+    certificate: Annotated[File, Meta(description="of this process; its common name is its role")]
+    private_key: Annotated[File, Meta(description="of that certificate")]
+
+
 class BusSection(Section, frozen=True):
     """Zenoh."""
+
+    tls: Annotated[
+        TlsSection | None,
+        Meta(description="for an endpoint tls/HOST:PORT, where both ends show a certificate; paths as given"),
+    ] = None
 
     mode: Annotated[
         Literal["router", "client", "peer"], Meta(description="router: the station itself, for one machine")
@@ -117,6 +134,17 @@ class ViewSection(Section, frozen=True):
     """The view in the browser."""
 
     port: Annotated[int, Meta(ge=1, le=65535, description="on loopback")] = 8080
+    origins: Annotated[
+        list[str],
+        Meta(description="of pages that may talk to it beside this machine's own: https://HOST of a proxy"),
+    ] = msgspec.field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        for origin in self.origins:
+            if not re.fullmatch(r"https?://[^/\s]+", origin):
+                raise ValueError(
+                    f"{origin[:40]!r} is no origin; give https://HOST or https://HOST:PORT, no path"
+                )
 
 
 class AlignSection(Section, frozen=True):

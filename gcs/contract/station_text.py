@@ -47,13 +47,15 @@ def _read(path: Path) -> str:
         return path.read_text(encoding="utf-8")
     except FileNotFoundError:
         raise InputError(f"{path}: no such station file; name one with --station") from None
-    except (OSError, UnicodeDecodeError) as error:
+    except (OSError, ValueError) as error:  # no UTF-8 in it, or a name that no file can have
         raise InputError(f"{path}: not a readable text file ({error})") from None
 
 
 def _override(tree: dict, override: str) -> Steps:
     """Set one dotted key; sensors go by name: ``sensor.theo-north.latency_s=0.1``. Returns where it went."""
     key, equals, raw = override.partition("=")
+    if not override.isprintable():
+        raise InputError(f"--config {ascii(override)[1:-1]}: holds a character that cannot be printed")
     if not equals:
         raise InputError(f"--config {override}: expected KEY=VALUE, such as ins.height_m=2.0")
     try:

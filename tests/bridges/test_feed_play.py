@@ -115,5 +115,5 @@ def test_a_speed_that_cannot_be_is_refused(speed):
 
 
 def test_a_port_that_cannot_be_is_refused():
-    with pytest.raises(feed.FeedError, match=r"udp 127\.0\.0\.1:99999: a port is a number"):
+    with pytest.raises(feed.FeedError, match=r"udp 127\.0\.0\.1:99999: give a host, and a port"):
         feed.run(FakeBus(), "theo", ("127.0.0.1", 99999), threading.Event())
