@@ -9,9 +9,10 @@ from gcs.commands.compiled import prepare
 from gcs.contract.config import Station
 from gcs.contract.frames import Frame, scene
 from gcs.outputs.console import Console
+from gcs.outputs.diary import Diary
 from gcs.outputs.publish import Publisher, Target
 from gcs.outputs.record import Record
-from gcs.station.health import Feeds, Monitor
+from gcs.station.health import Feeds, Files, Monitor
 from gcs.station.replay import Playback
 from gcs.station.session import Session, Sink
 
@@ -60,10 +61,11 @@ def new_session(
 ) -> Session:
     """A session with its sinks, compiled and ready for the first measurement."""
     sinks: list[Sink] = [Record(out, station, frame), Console()]
+    names = ["ins", *(sensor.name for sensor in station.sensor)]
     if send_to:
-        names = ["ins", *(sensor.name for sensor in station.sensor)]
         sinks.append(Publisher(frame, Monitor(names, feeds), send_to))
     prepare()
     session = Session(station, frame, sinks, method, correction)
+    sinks.append(Diary(out, Monitor(names, Files()), session.estimator.report))
     session.estimator.warm_up()
     return session
