@@ -1,0 +1,286 @@
+"""How far the result can be trusted: percentiles, the verdict against tolerances, and what to judge."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from gcs.contract.messages import VERDICTS
+from gcs.report import judged
+from gcs.report.basis import numbers
+from gcs.report.basis.page import Finding, Sheet, number
+from gcs.report.basis.run import LINE, REFUSED, Run, is_one_of
+from gcs.report.sources import clock
+
+EN = ("sigma_e_m", "sigma_n_m")
+DEAD_RECKONED = 10  # quality that dead reckoning by air data has at best
+
+
+class Tolerance(NamedTuple):
+    """What the test allows, m; None: not stated."""
+
+    horizontal_m: float | None = None
+    vertical_m: float | None = None
+
+
+class Criterion(NamedTuple):
+    """A number for each state that is held against a tolerance."""
+
+    name: str
+    t_ns: np.ndarray  # (n,)
+    reached_m: np.ndarray  # (n,); NaN: there is none
+    allowed_m: float | None
+    decides: bool  # part of the verdict, or for information
+
+
+def common_clock_s(run: Run) -> float:
+    """1 sigma in s of the time that all sensors share; 0 where the clock of one of them is taken as right.
+
+    A shift of all clocks together moves the track along itself and no measurement shows it, so it is no part
+    of the published sigma. Every floating clock's own sigma contains it: the smallest one bounds it.
+    """
+    told = run.summary.get("estimator", {}).get("sensors", {})
+    floating = [told.get(sensor, {}).get("errors", {}) for sensor in run.heard]
+    sigmas = [e["sigma"] for errors in floating for name, e in errors.items() if name in ("clock", "latency")]
+    return min(sigmas, default=0.0) if len(sigmas) == len(run.heard) else 0.0
+
+
+def criteria(run: Run, tolerance: Tolerance) -> list[Criterion]:
+    """What is held against the tolerances: of the best estimate, and of what was known live."""
+    best, live = run.smoothed, run.track
+    h, v = tolerance
+    late_s = common_clock_s(run)
+    level = np.hypot(numbers.horizontal(best, EN), late_s * numbers.horizontal(best, ("ve_mps", "vn_mps")))
+    height = np.hypot(best["sigma_u_m"], late_s * best["vu_mps"])
+    return [
+        Criterion(
+            "best estimate, horizontal, 95 %", best["t_ns"], numbers.DRMS_95 * level, h, True
+        ),
+        Criterion("best estimate, height, 95 %", best["t_ns"], numbers.NORMAL_95 * height, v, True),
+        Criterion("live protection level, horizontal", live["t_ns"], live["protection_h_m"], h, False),
+        Criterion("live protection level, height", live["t_ns"], live["protection_v_m"], v, False),
+    ]  # fmt: skip
+
+
+def within(criterion: Criterion) -> float:
+    """Share of the time, 0 … 1, for which the tolerance is kept; without a number it is not."""
+    assert criterion.allowed_m is not None
+    return numbers.time_share(
+        criterion.t_ns, np.nan_to_num(criterion.reached_m, nan=np.inf) <= criterion.allowed_m
+    )
+
+
+def tolerances(found: list[Criterion]) -> Sheet:
+    """Each criterion with its worst moment."""
+    rows = []
+    for one in found:
+        known = np.isfinite(one.reached_m)
+        worst = int(np.argmax(np.where(known, one.reached_m, -np.inf))) if known.any() else None
+        kept = None if one.allowed_m is None else within(one)
+        rows.append(
+            [
+                one.name, number(one.allowed_m), "–" if kept is None else _percent(kept),
+                "–" if worst is None else number(one.reached_m[worst]),
+                "–" if worst is None else clock(int(one.t_ns[worst])),
+                _percent(numbers.time_share(one.t_ns, known)),
+                "not stated" if kept is None else ("met" if kept == 1.0 else "not met"),
+            ]
+        )  # fmt: skip
+    head = [
+        "criterion",
+        "tolerance, m",
+        "kept, % of time",
+        "worst, m",
+        "at, UTC",
+        "known, % of time",
+        "verdict",
+    ]
+    note = (
+        "The best estimate's numbers come from its own sigma: 2 √(σE² + σN²), which covers 95 to 98 %, and "
+        "1.96 σU, each with the speed times the sigma of the common clock. The protection level bounds the "
+        "error of what was known live although any one sensor lies, at a risk of 1e-5; it is told for "
+        "information, because the best estimate has all data and later ones too."
+    )
+    return Sheet("Tolerances", head, rows, "nrrrrrn", note)
+
+
+def verdict(run: Run, found: list[Criterion]) -> Finding:
+    """The best estimate against the tolerances; open where none is stated or the run did not end."""
+    decisive = [one for one in found if one.decides and one.allowed_m is not None]
+    if not decisive:
+        return Finding(
+            "No tolerance stated", "open",
+            ["State what the test allows: gcs report DIR --tolerance-h METRES --tolerance-v METRES."],
+        )  # fmt: skip
+    told = [
+        f"{one.name}: {_percent(within(one))} % of the time within {one.allowed_m:g} m" for one in decisive
+    ]
+    if not run.summary.get("complete", bool(run.summary)):
+        return Finding("Open: the run did not end", "open", told)
+    met = all(within(one) == 1.0 for one in decisive)
+    return Finding("Within tolerance" if met else "Not within tolerance", "good" if met else "bad", told)
+
+
+def percentiles(run: Run) -> Sheet:
+    """Of sigma, protection level and what later data changed."""
+    best, live = run.smoothed, run.track
+    apart = separation(run)
+    kinds = [
+        ("best estimate, σ horizontal", best["t_ns"], numbers.horizontal(best, EN)),
+        ("best estimate, σ height", best["t_ns"], best["sigma_u_m"]),
+        ("live, σ horizontal", live["t_ns"], numbers.horizontal(live, EN)),
+        ("live, σ height", live["t_ns"], live["sigma_u_m"]),
+        ("live, protection level horizontal", live["t_ns"], live["protection_h_m"]),
+        ("live, protection level height", live["t_ns"], live["protection_v_m"]),
+        ("live − best estimate, horizontal", live["t_ns"], np.hypot(apart[:, 0], apart[:, 1])),
+        ("live − best estimate, height", live["t_ns"], np.abs(apart[:, 2])),
+    ]
+    rows = []
+    for name, t_ns, metres in kinds:
+        known = np.isfinite(metres)
+        if not known.any():
+            rows.append([name, "–", "–", "–", "–", "–"])
+            continue
+        worst = int(np.nanargmax(np.where(known, metres, -np.inf)))
+        levels = np.percentile(metres[known], numbers.LEVELS)
+        rows.append([name, *(number(x) for x in levels), number(metres[worst]), clock(int(t_ns[worst]))])
+    head = ["m", *(f"{level:.0f} %" for level in numbers.LEVELS), "worst", "at, UTC"]
+    note = "Over the states. σ horizontal is √(σE² + σN²). Sigma is no bound against a sensor that lies."
+    return Sheet("Sigma and protection level", head, rows, "nrrrrr", note)
+
+
+def shares(run: Run) -> Sheet:
+    """For which part of the time something held."""
+    live, t = run.track, run.track["t_ns"]
+    pauses = numbers.gaps(t, least_s=numbers.LONGEST_STEP_S)
+    rows = [
+        [
+            "ambiguous: another position fitted nearly as well",
+            _percent(numbers.time_share(t, live["ambiguous"] > 0)),
+        ],
+        ["no protection level", _percent(numbers.time_share(t, ~np.isfinite(live["protection_h_m"])))],
+        ["quality −1: failed", _percent(numbers.time_share(t, live["quality"] < 0))],
+    ]
+    rows += [
+        [
+            "pauses without a state, all together",
+            f"{sum(gap.seconds for gap in pauses):.1f} s in {len(pauses)}",
+        ]
+    ]
+    rows += [["new starts of the filter", str(int(live["reset_counter"].max()))]]
+    return Sheet("Shares of the time", ["live state", "% of time"], rows, "lr")
+
+
+def separation(run: Run) -> np.ndarray:
+    """(n, 3) live minus best estimate in m, ENU, at the live states."""
+    enu = ("e_m", "n_m", "u_m")
+    best = np.column_stack([run.smoothed[name] for name in enu])
+    live = np.column_stack([run.track[name] for name in enu])
+    return live - numbers.at_times(run.track["t_ns"], run.smoothed["t_ns"], best, numbers.LONGEST_STEP_S)
+
+
+def remarks(run: Run) -> list[str]:
+    """What no threshold can decide: lines for the one who signs."""
+    found = list(run.remarks)
+    if run.summary and not run.summary.get("complete", True):
+        found.append("The replay was stopped before the end of the flight.")
+    if run.summary.get("height", {}).get("geoid_separation_from") == "unknown" and "ins" in run.heard:
+        found.append("The geoid separation is not known: the INS height may be off by tens of metres.")
+    if late_s := common_clock_s(run):
+        fastest = float(numbers.horizontal(run.smoothed, ("ve_mps", "vn_mps")).max())
+        found.append(
+            f"No clock is taken as right, so the time of all is known to {1e3 * late_s:.0f} ms (1 sigma): "
+            f"up to {late_s * fastest:.2g} m along the course at {fastest:.0f} m/s. Sigma and protection "
+            "level do not contain it, the check against tolerances does. It ends where one sensor's clock "
+            "is right: leave clock out of its estimate."
+        )
+    found += _of_the_track(run) + _of_the_sensors(run)
+    counted = sum(
+        sum(one.values())
+        for channels in run.summary.get("verdicts", {}).values()
+        for one in channels.values()
+    )
+    if run.summary and counted != len(run.values):
+        found.append(
+            f"verdicts.csv has {len(run.values):,} values, the summary counts {counted:,}: a file was "
+            "changed."
+        )
+    return found
+
+
+def _of_the_track(run: Run) -> list[str]:
+    live, t, found = run.track, run.track["t_ns"], []
+    doubt, bare = (
+        numbers.time_share(t, live["ambiguous"] > 0),
+        numbers.time_share(t, ~np.isfinite(live["protection_h_m"])),
+    )
+    if doubt > 0.001:
+        found.append(
+            f"For {_percent(doubt)} % of the time another position fitted the measurements nearly as well."
+        )
+    if bare > 0.001:
+        found.append(
+            f"For {_percent(bare)} % of the time there was no protection level: nothing would have shown a "
+            "lie."
+        )
+    for reset in run.summary.get("estimator", {}).get("resets", []):
+        found.append(f"The filter began again at {clock(reset['t_ns'])}: {reset['reason']}.")
+    for gap in numbers.gaps(t, least_s=numbers.LONGEST_STEP_S):
+        found.append(f"No state for {gap.seconds:.1f} s from {clock(gap.begin_ns)} on.")
+    if reckoned := run.summary.get("wind") and run.summary["wind"].get("states_reckoned"):
+        found.append(
+            f"{reckoned:,} states are dead reckoning by air data and wind; no measurement supports them."
+        )
+    return found
+
+
+def _of_the_sensors(run: Run) -> list[str]:
+    found = [
+        f"{sensor.name}: no value came." for sensor in run.station.sensor if sensor.name not in run.heard
+    ]
+    for sensor in run.heard:
+        values = run.of(sensor)
+        for channel in np.unique(values["channel"]).tolist():
+            own = values[values["channel"] == channel]
+            name = f"{sensor} {judged.NAMES[channel]}"
+            if channel == LINE:
+                found.append(f"{sensor}: {len(own):,} lines were no measurements.")
+            elif (refused := is_one_of(own, REFUSED).mean()) > judged.EXPECTED:
+                found.append(f"{name}: {100 * refused:.1f} % of the values are refused.")
+            if (invalid := int((own["verdict"] == VERDICTS.index("invalid")).sum())) and channel != LINE:
+                found.append(f"{name}: {invalid:,} values are invalid.")
+        if sensor != "ins":
+            found += _noise(run, sensor)
+    return found
+
+
+def _noise(run: Run, sensor: str) -> list[str]:
+    """Channels of an instrument whose noise is not what was stated, and large systematic errors."""
+    told, found = run.summary.get("estimator", {}).get("sensors", {}).get(sensor, {}), []
+    for channel, one in told.get("channels", {}).items():
+        if one["nis_mean"] is not None and judged.says_of(one["nis_mean"], one["nis_band_95"]) in (
+            "above",
+            "below",
+        ):
+            found.append(
+                f"{sensor} {channel}: the noise is {np.sqrt(one['nis_mean']):.2f} times what is stated."
+            )
+    for name, error in told.get("errors", {}).items():
+        value, sigma, prior, unit = judged.in_degrees(error)
+        if (
+            error["observable"]
+            and abs(value) > judged.SIGNIFICANT * max(sigma, 0.0)
+            and abs(value) > 2.0 * prior
+        ):
+            found.append(
+                f"{sensor} {name}: {value:.3g} {unit} too much, far more than was allowed for ({prior:.2g} "
+                f"{unit})."
+            )
+    return found
+
+
+def _percent(share: float) -> str:
+    """Never 100 for less than everything, never 0 for more than nothing."""
+    text = f"{100 * share:.2f}"
+    if text == "100.00":
+        return "100" if share == 1.0 else "99.99"
+    return "< 0.01" if text == "0.00" and share > 0 else text
