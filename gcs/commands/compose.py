@@ -60,12 +60,11 @@ def new_session(
     correction: Callable = off,
 ) -> Session:
     """A session with its sinks, compiled and ready for the first measurement."""
-    sinks: list[Sink] = [Record(out, station, frame), Console()]
     names = ["ins", *(sensor.name for sensor in station.sensor)]
+    sinks: list[Sink] = [Record(out, station, frame), Diary(out, Monitor(names, Files())), Console()]
     if send_to:
         sinks.append(Publisher(frame, Monitor(names, feeds), send_to))
     prepare()
     session = Session(station, frame, sinks, method, correction)
-    sinks.append(Diary(out, Monitor(names, Files()), session.estimator.report))
     session.estimator.warm_up()
     return session

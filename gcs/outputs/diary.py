@@ -1,7 +1,7 @@
 """What was told while it ran, beside the record of the values: events.csv, wind.csv, errors.csv."""
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 from gcs.contract.messages import Event, Wind
@@ -16,10 +16,10 @@ ERRORS = "t_ns,sensor,error,value,sigma,prior_sigma\n"
 
 
 class Diary:
-    """A sink. ``report`` is the estimator's own: the systematic errors as they are known now."""
+    """A sink, killed in the middle like the record: what was told is there."""
 
-    def __init__(self, folder: Path, monitor: Monitor, report: Callable[[], dict]):
-        self._monitor, self._report = monitor, report
+    def __init__(self, folder: Path, monitor: Monitor):
+        self._monitor = monitor
         self._next_ns = 0
         self._events, self._wind, self._errors = (
             _begin(folder / name, header)
@@ -34,7 +34,7 @@ class Diary:
                 self._wind.write(_wind_line(message))
         if len(update.track) and (now_ns := int(update.track["t_ns"][-1])) >= self._next_ns:
             self._next_ns = now_ns + PERIOD_NS
-            self._errors.writelines(error_lines(now_ns, self._report()))
+            self._errors.writelines(error_lines(now_ns, update.report()))
         for file in (self._events, self._wind, self._errors):
             file.flush()
 
@@ -45,7 +45,7 @@ class Diary:
 
 def error_lines(t_ns: int, report: dict) -> Iterator[str]:
     """Lines of errors.csv, angles in degrees, of an estimator's report."""
-    for sensor, told in report["sensors"].items():
+    for sensor, told in report.get("sensors", {}).items():
         for name, error in told["errors"].items():
             scale = math.degrees(1.0) if error["unit"] == "rad" else 1.0
             numbers = (scale * error[field] for field in ("value", "sigma", "prior_sigma"))
