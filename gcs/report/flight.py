@@ -68,7 +68,14 @@ def replay(run: Run) -> Plot:
         where = geometry.claims(run, sensor.name, REFUSED)[1]
         where = where[((where > low) & (where < high)).all(axis=1)]
         at = numbers.sample(PLAN_MARKS, where[:, 0])
-        _scatter3(figure, where[at], f"{sensor.name}, refused", colour_of(sensor.name, run.sensors), "x", 2)
+        _scatter3(
+            figure,
+            where[at],
+            f"{sensor.name}, refused",
+            colour_of(sensor.name, run.sensors),
+            "circle-open",
+            3,
+        )
     for sensor in run.station.sensor:
         offset = run.frame.place_sensor(sensor)[0]
         _scatter3(figure, offset[None], sensor.name, colour_of(sensor.name, run.sensors), "diamond", 6)

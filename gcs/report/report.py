@@ -1,6 +1,6 @@
 """The report of one run: what stands on its page, and in which order."""
 
-from gcs.report import certainty, flight, judged, residuals, sources, trust
+from gcs.report import certainty, flight, judged, remarks, residuals, sources, trust
 from gcs.report.basis.page import Chapter, Document, Plot, Sheet
 from gcs.report.basis.run import Run
 from gcs.report.sources import clock, utc
@@ -24,7 +24,7 @@ def document(run: Run, tolerance: Tolerance) -> Document:
         subtitle=f"{utc(run.start_ns, 0)} UTC. Times in figures are seconds since the first state.",
         facts=_facts(run, seconds),
         verdict=trust.verdict(run, found),
-        remarks=trust.remarks(run),
+        remarks=remarks.remarks(run),
         chapters=_on_one_time(_chapters(run, tolerance, found), run, seconds),
         footer="Made by gcs report from the run folder alone; it asks no network.",
     )

@@ -4,11 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gcs.contract.messages import VERDICTS
-from gcs.report import judged
 from gcs.report.basis import numbers
 from gcs.report.basis.page import Finding, Sheet, number
-from gcs.report.basis.run import LINE, REFUSED, Run, is_one_of
+from gcs.report.basis.run import Run
 from gcs.report.sources import clock
 
 EN = ("sigma_e_m", "sigma_n_m")
@@ -78,10 +76,10 @@ def tolerances(found: list[Criterion]) -> Sheet:
         kept = None if one.allowed_m is None else within(one)
         rows.append(
             [
-                one.name, number(one.allowed_m), "–" if kept is None else _percent(kept),
+                one.name, number(one.allowed_m), "–" if kept is None else percent(kept),
                 "–" if worst is None else number(one.reached_m[worst]),
                 "–" if worst is None else clock(int(one.t_ns[worst])),
-                _percent(numbers.time_share(one.t_ns, known)),
+                percent(numbers.time_share(one.t_ns, known)),
                 "not stated" if kept is None else ("met" if kept == 1.0 else "not met"),
             ]
         )  # fmt: skip
@@ -112,7 +110,7 @@ def verdict(run: Run, found: list[Criterion]) -> Finding:
             ["State what the test allows: gcs report DIR --tolerance-h METRES --tolerance-v METRES."],
         )  # fmt: skip
     told = [
-        f"{one.name}: {_percent(within(one))} % of the time within {one.allowed_m:g} m" for one in decisive
+        f"{one.name}: {percent(within(one))} % of the time within {one.allowed_m:g} m" for one in decisive
     ]
     if not run.summary.get("complete", bool(run.summary)):
         return Finding("Open: the run did not end", "open", told)
@@ -155,10 +153,10 @@ def shares(run: Run) -> Sheet:
     rows = [
         [
             "ambiguous: another position fitted nearly as well",
-            _percent(numbers.time_share(t, live["ambiguous"] > 0)),
+            percent(numbers.time_share(t, live["ambiguous"] > 0)),
         ],
-        ["no protection level", _percent(numbers.time_share(t, ~np.isfinite(live["protection_h_m"])))],
-        ["quality −1: failed", _percent(numbers.time_share(t, live["quality"] < 0))],
+        ["no protection level", percent(numbers.time_share(t, ~np.isfinite(live["protection_h_m"])))],
+        ["quality −1: failed", percent(numbers.time_share(t, live["quality"] < 0))],
     ]
     rows += [
         [
@@ -178,107 +176,7 @@ def separation(run: Run) -> np.ndarray:
     return live - numbers.at_times(run.track["t_ns"], run.smoothed["t_ns"], best, numbers.LONGEST_STEP_S)
 
 
-def remarks(run: Run) -> list[str]:
-    """What no threshold can decide: lines for the one who signs."""
-    found = list(run.remarks)
-    if run.summary and not run.summary.get("complete", True):
-        found.append("The replay was stopped before the end of the flight.")
-    if run.summary.get("height", {}).get("geoid_separation_from") == "unknown" and "ins" in run.heard:
-        found.append("The geoid separation is not known: the INS height may be off by tens of metres.")
-    if late_s := common_clock_s(run):
-        fastest = float(numbers.horizontal(run.smoothed, ("ve_mps", "vn_mps")).max())
-        found.append(
-            f"No clock is taken as right, so the time of all is known to {1e3 * late_s:.0f} ms (1 sigma): "
-            f"up to {late_s * fastest:.2g} m along the course at {fastest:.0f} m/s. Sigma and protection "
-            "level do not contain it, the check against tolerances does. It ends where one sensor's clock "
-            "is right: leave clock out of its estimate."
-        )
-    found += _of_the_track(run) + _of_the_sensors(run)
-    counted = sum(
-        sum(one.values())
-        for channels in run.summary.get("verdicts", {}).values()
-        for one in channels.values()
-    )
-    if run.summary and counted != len(run.values):
-        found.append(
-            f"verdicts.csv has {len(run.values):,} values, the summary counts {counted:,}: a file was "
-            "changed."
-        )
-    return found
-
-
-def _of_the_track(run: Run) -> list[str]:
-    live, t, found = run.track, run.track["t_ns"], []
-    doubt, bare = (
-        numbers.time_share(t, live["ambiguous"] > 0),
-        numbers.time_share(t, ~np.isfinite(live["protection_h_m"])),
-    )
-    if doubt > 0.001:
-        found.append(
-            f"For {_percent(doubt)} % of the time another position fitted the measurements nearly as well."
-        )
-    if bare > 0.001:
-        found.append(
-            f"For {_percent(bare)} % of the time there was no protection level: nothing would have shown a "
-            "lie."
-        )
-    for reset in run.summary.get("estimator", {}).get("resets", []):
-        found.append(f"The filter began again at {clock(reset['t_ns'])}: {reset['reason']}.")
-    for gap in numbers.gaps(t, least_s=numbers.LONGEST_STEP_S):
-        found.append(f"No state for {gap.seconds:.1f} s from {clock(gap.begin_ns)} on.")
-    if reckoned := run.summary.get("wind") and run.summary["wind"].get("states_reckoned"):
-        found.append(
-            f"{reckoned:,} states are dead reckoning by air data and wind; no measurement supports them."
-        )
-    return found
-
-
-def _of_the_sensors(run: Run) -> list[str]:
-    found = [
-        f"{sensor.name}: no value came." for sensor in run.station.sensor if sensor.name not in run.heard
-    ]
-    for sensor in run.heard:
-        values = run.of(sensor)
-        for channel in np.unique(values["channel"]).tolist():
-            own = values[values["channel"] == channel]
-            name = f"{sensor} {judged.NAMES[channel]}"
-            if channel == LINE:
-                found.append(f"{sensor}: {len(own):,} lines were no measurements.")
-            elif (refused := is_one_of(own, REFUSED).mean()) > judged.EXPECTED:
-                found.append(f"{name}: {100 * refused:.1f} % of the values are refused.")
-            if (invalid := int((own["verdict"] == VERDICTS.index("invalid")).sum())) and channel != LINE:
-                found.append(f"{name}: {invalid:,} values are invalid.")
-        if sensor != "ins":
-            found += _noise(run, sensor)
-    return found
-
-
-def _noise(run: Run, sensor: str) -> list[str]:
-    """Channels of an instrument whose noise is not what was stated, and large systematic errors."""
-    told, found = run.summary.get("estimator", {}).get("sensors", {}).get(sensor, {}), []
-    for channel, one in told.get("channels", {}).items():
-        if one["nis_mean"] is not None and judged.says_of(one["nis_mean"], one["nis_band_95"]) in (
-            "above",
-            "below",
-        ):
-            found.append(
-                f"{sensor} {channel}: the noise is {np.sqrt(one['nis_mean']):.2f} times what is stated."
-            )
-    for name, error in told.get("errors", {}).items():
-        value, sigma, prior, unit = judged.in_degrees(error)
-        if (
-            error["observable"]
-            and abs(value) > judged.SIGNIFICANT * max(sigma, 0.0)
-            and abs(value) > 2.0 * prior
-        ):
-            found.append(
-                f"{sensor} {name}: {value:.3g} {unit} too much, far more than was allowed for ({prior:.2g} "
-                f"{unit})."
-            )
-    return found
-
-
-def _percent(share: float) -> str:
+def percent(share: float) -> str:
     """Never 100 for less than everything, never 0 for more than nothing."""
     text = f"{100 * share:.2f}"
     if text == "100.00":

@@ -100,7 +100,7 @@ def crossing(run: Run, step_s: float) -> Crossing:
 
 def _axes(direction: np.ndarray, distance: np.ndarray, noise: dict[str, float], spoken: set[str]):
     """What an instrument measures: unit vectors (n, 3) with the 1-sigma (n,) along each, m."""
-    level = np.hypot(direction[:, 0], direction[:, 1])
+    level = np.maximum(np.hypot(direction[:, 0], direction[:, 1]), 1e-9)  # overhead azimuth says nothing
     side = np.column_stack([direction[:, 1] / level, -direction[:, 0] / level, np.zeros(len(level))])
     if "range" in spoken:
         yield direction, np.full(len(level), noise["range"])
