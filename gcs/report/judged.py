@@ -86,10 +86,10 @@ def errors(run: Run) -> Sheet:
             )
     head = ["sensor", "error", "value", "1 sigma", "before, 1 sigma", "unit", "sigmas from zero", "says"]
     note = (
-        "What the instrument reads too much, at the end of the flight. Significant from three sigmas on. "
+        "What the instrument reads too much. Significant from three sigmas on. "
         "Shown is what the flight has narrowed to half of what was allowed before it."
     )
-    return Sheet("Systematic errors", head, rows, "nnrrrlrl", note)
+    return Sheet("At the end of the flight", head, rows, "nnrrrlrl", note)
 
 
 def in_degrees(error: dict) -> tuple[float, float, float, str]:

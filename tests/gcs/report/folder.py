@@ -73,8 +73,8 @@ def track(east_m: float, factor: float, *, live: bool) -> str:
         sigma = ",".join(f"{factor * s:.4f}" for s in SIGMA_M)
         level = "5.000,6.000,0" if live and k >= BARE else f",,{int(live and k < BARE // 2)}"
         lines.append(
-            f"{T0_NS + k * STEP_NS},{lat:.9f},{lon:.9f},{alt:.4f},{east_m},{north},100.0,0,{SPEED_MPS},0,0,0,0,"
-            f"{sigma},0.1,0.1,0.1,90,0,{level}"
+            f"{T0_NS + k * STEP_NS},{lat:.9f},{lon:.9f},{alt:.4f},{east_m},{north},100.0,"
+            f"0,{SPEED_MPS},0,0,0,0,{sigma},0.1,0.1,0.1,90,0,{level}"
         )
     return "\n".join(lines) + "\n"
 

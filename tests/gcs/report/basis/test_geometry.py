@@ -7,6 +7,14 @@ from gcs.report.basis import geometry
 from gcs.report.basis import run as runs
 from tests.gcs.report import folder
 
+SENSOR = """
+[[sensor]]
+name = "{}"
+kind = "theodolite"
+sigma = {{ azimuth_deg = 0.01, elevation_deg = 0.01 }}
+position = {{ lat_deg = {:.10f}, lon_deg = {:.10f}, alt_m = {:.4f} }}
+"""
+
 
 def test_what_the_instrument_should_see(run):
     """The theodolite stands at the origin; after 5 s the vehicle is 100 m north of it and 100 m up."""
@@ -32,10 +40,9 @@ def test_two_angles_cross_at_a_right_angle(tmp_path):
     places = [
         folder.FRAME.to_geodetic(np.array([p])) for p in ((-1000.0, 200.0, 100.0), (0.0, -800.0, 100.0))
     ]
-    sensor = '\n[[sensor]]\nname = "{}"\nkind = "theodolite"\nsigma = {{ azimuth_deg = 0.01, elevation_deg = 0.01 }}\nposition = {{ lat_deg = {:.10f}, lon_deg = {:.10f}, alt_m = {:.4f} }}\n'
     text = station[: station.index("[[sensor]]")]
     for name, place in zip("ab", places, strict=True):
-        text += sensor.format(name, *(float(x[0]) for x in place))
+        text += SENSOR.format(name, *(float(x[0]) for x in place))
     (written / "station.toml").write_text(text)
     lines = ["t_ns,sensor,channel,value,predicted,sigma,weight,verdict,reason"]
     lines += [
