@@ -57,7 +57,7 @@ def command(
 
         on_signal(playback.stop)
         summary = driver.run(loaded, session, playback, stay=view)
-    say(f"run folder: {folder}")
+    say(f"run folder: {folder}   (a page to sign: gcs report {folder})")
     if not summary["complete"] and not view:
         say("stopped before the end of the flight")
         sys.exit(1)

@@ -90,7 +90,7 @@ def serve(
         if shown and not stop.is_set():
             say("the flight is over; the view stays until Ctrl-C")
             stop.wait()
-    say(f"run folder: {folder}")
+    say(f"run folder: {folder}   (a page to sign: gcs report {folder})")
 
 
 def _mavlink(station: Station, bus, stop: threading.Event) -> None:
