@@ -110,7 +110,9 @@ def verdict(run: Run, found: list[Criterion]) -> Finding:
             ["State what the test allows: gcs report DIR --tolerance-h METRES --tolerance-v METRES."],
         )  # fmt: skip
     told = [
-        f"{one.name}: {percent(within(one))} % of the time within {one.allowed_m:g} m" for one in decisive
+        f"{one.name}: {percent(within(one))} % of the time within {one.allowed_m:g} m, worst "
+        f"{number(np.nanmax(one.reached_m))} m at {clock(int(one.t_ns[np.nanargmax(one.reached_m)]))}"
+        for one in decisive
     ]
     if not run.summary.get("complete", bool(run.summary)):
         return Finding("Open: the run did not end", "open", told)
