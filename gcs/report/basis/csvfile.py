@@ -45,7 +45,7 @@ def numbers(path: Path, needed: Sequence[str]) -> Columns:
 def texts(path: Path, needed: Sequence[str]) -> Iterator[Block]:
     """The ``needed`` columns as text, block by block. Raises InputError where one of them is missing."""
     with _open(path) as file:
-        reader = csv.reader(line.replace("\0", "") for line in file)
+        reader = csv.reader(file)
         header = _header(path, next(reader, []), needed)
         pick = itemgetter(*(header.index(name) for name in needed))
         while rows := list(islice(reader, BLOCK)):

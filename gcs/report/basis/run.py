@@ -58,6 +58,7 @@ class Run(NamedTuple):
     track: np.ndarray  # (n,) by STATE, what was known then
     smoothed: np.ndarray  # (m,) the same, the best estimate
     values: np.ndarray  # (v,) VALUES, in order of arrival
+    by_sensor: dict[str, np.ndarray]  # those with a time, in order of time
     sensors: list[str]  # by VALUES' sensor: the INS, then as in the station file
     reasons: Counter[tuple[str, str, str]]  # how many by sensor, verdict and reason, sigmas left out
     errors: list[ErrorRow]
@@ -87,9 +88,7 @@ class Run(NamedTuple):
 
     def of(self, sensor: str) -> np.ndarray:
         """(k,) VALUES of one sensor that have a time, in order of time."""
-        rows = self.values[self.values["sensor"] == self.sensors.index(sensor)]
-        rows = rows[rows["t_ns"] != NO_TIME]
-        return rows[np.argsort(rows["t_ns"], kind="stable")]
+        return self.by_sensor[sensor]
 
 
 def load(folder: Path) -> Run:
@@ -103,8 +102,9 @@ def load(folder: Path) -> Run:
     station = config.load(folder / "station.toml")
     sensors = ["ins", *(sensor.name for sensor in station.sensor)]
     values, reasons = _values(folder / "verdicts.csv", sensors, remarks)
+    by_sensor = {name: _in_order(values[values["sensor"] == k]) for k, name in enumerate(sensors)}
     return Run(
-        folder, track, smoothed if len(smoothed) else track, values, sensors, reasons,
+        folder, track, smoothed if len(smoothed) else track, values, by_sensor, sensors, reasons,
         _errors(folder / "errors.csv"), csvfile.optional(folder / "wind.csv", WIND),
         _events(folder / "events.csv", remarks), _summary(folder / "summary.json", remarks),
         station, _frame(station, track[len(track) // 2]), remarks,
@@ -164,6 +164,11 @@ def _errors(path: Path) -> list[ErrorRow]:
         return []
     rows = [row for block in csvfile.texts(path, ERROR) for row in zip(*block.columns, strict=True)]
     return [ErrorRow(int(t), sensor, error, *map(float, rest)) for t, sensor, error, *rest in rows]
+
+
+def _in_order(values: np.ndarray) -> np.ndarray:
+    timed = values[values["t_ns"] != NO_TIME]
+    return timed[np.argsort(timed["t_ns"], kind="stable")]
 
 
 def _events(path: Path, remarks: list[str]) -> list[tuple[int, str, str]]:
