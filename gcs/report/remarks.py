@@ -27,6 +27,11 @@ def remarks(run: Run) -> list[str]:
             "level do not contain it, the check against tolerances does. It ends where one sensor's clock "
             "is right: leave clock out of its estimate."
         )
+    lost = {name.replace("_", " "): n for name, n in run.summary.get("bus", {}).items() if n}
+    if lost:
+        found.append(f"Messages lost on the bus: {', '.join(f'{name} {n:,}' for name, n in lost.items())}.")
+    if strangers := run.summary.get("unknown_sources"):
+        found.append(f"Not of this station, and left out: {', '.join(strangers)}.")
     found += _of_the_track(run) + _of_the_sensors(run)
     counted = sum(
         sum(one.values())

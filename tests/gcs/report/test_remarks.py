@@ -23,6 +23,13 @@ def test_a_changed_file_is_noticed(run):
     assert any("verdicts.csv has 101 values, the summary counts 102" in line for line in remarks.remarks(run))
 
 
+def test_what_was_lost_live(run):
+    run.summary.update({"bus": {"queue_full": 0, "on_the_way": 1200}, "unknown_sources": {"theo-x": 7}})
+    found = remarks.remarks(run)
+    assert "Messages lost on the bus: on the way 1,200." in found
+    assert "Not of this station, and left out: theo-x." in found
+
+
 def test_a_silent_instrument_and_many_pauses(run):
     run.station.sensor.append(msgspec.structs.replace(run.station.sensor[0], name="theo-b"))
     run.track["t_ns"] += 10_000_000_000 * (np.arange(folder.STATES) // 5)

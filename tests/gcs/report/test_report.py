@@ -6,6 +6,7 @@ import re
 from collections import Counter
 from html.parser import HTMLParser
 
+import numpy as np
 import pytest
 
 from gcs.report import report
@@ -102,6 +103,22 @@ def test_a_killed_run_gives_a_page_that_says_so(written):
     assert "the run did not end" in html
     assert "Open: the run did not end" in html
     assert Reader(html).open == []
+
+
+@pytest.mark.slow
+def test_a_long_flight_makes_no_large_page(run):
+    """1,000 times the flight, one after the other: 100,000 values and as many states."""
+    by_sensor = {name: repeated(values) for name, values in run.by_sensor.items()}
+    long = run._replace(track=repeated(run.track), smoothed=repeated(run.smoothed), by_sensor=by_sensor)
+    short, html = (len(page.render(report.document(one, Tolerance()))) for one in (run, long))
+    assert html - short < 1e6
+
+
+def repeated(rows: np.ndarray) -> np.ndarray:
+    """A thousand times, each 10.1 s after the one before."""
+    many = np.tile(rows, 1_000)
+    many["t_ns"] += np.repeat(np.arange(1_000), len(rows)) * 10_100_000_000
+    return many
 
 
 def test_numbers_are_short_and_never_in_powers():
