@@ -14,10 +14,6 @@ from gcs.report.basis.page import Sheet, number
 from gcs.report.basis.run import Run
 
 GAPS_LISTED = 30
-FILES = (
-    "track.csv", "smoothed.csv", "verdicts.csv", "summary.json", "station.toml", "events.csv", "wind.csv",
-    "errors.csv",
-)  # fmt: skip
 
 
 def utc(t_ns: int, digits: int = 3) -> str:
@@ -43,8 +39,8 @@ def inputs(run: Run) -> Sheet:
 
 
 def outputs(run: Run) -> Sheet:
-    """The run folder's own files, hashed now."""
-    there = [path for path in (run.folder / name for name in FILES) if path.is_file()]
+    """The run folder's own files, but no report, hashed now."""
+    there = sorted(path for path in run.folder.iterdir() if path.is_file() and path.suffix != ".html")
     rows = [[path.name, f"{path.stat().st_size:,}", _sha256(path)] for path in there]
     return Sheet(
         "Files of this run", ["file", "bytes", "SHA-256"], rows, "nrh", "As they were read for this report."

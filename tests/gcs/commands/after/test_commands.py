@@ -1,11 +1,15 @@
 """``gcs report`` and ``gcs compare``: a file or a table, and one line where it cannot be."""
 
+import hashlib
 import sys
+from pathlib import Path
 
 import pytest
 
 from gcs.commands.cli import main
 from tests.gcs.report import folder
+
+SAMPLE = Path(__file__).resolve().parents[4] / "logs" / "sample"
 
 
 @pytest.fixture
@@ -24,6 +28,26 @@ def gcs(monkeypatch, capsys):
 @pytest.fixture
 def written(tmp_path):
     return folder.write(tmp_path)
+
+
+@pytest.mark.slow
+def test_the_sample_flight_from_its_log_to_its_report_and_truth(gcs, tmp_path):
+    """All clocks float: the common one is off by some 30 ms, nearly all of the error; the report says so."""
+    feeds = [f"{name}={SAMPLE / name}.csv" for name in ("theo-north", "theo-east", "radar-1")]
+    out = tmp_path / "flown"
+    options = ("--station", SAMPLE / "station.toml", "--out", out, "--feed", *feeds)
+    assert gcs("replay", SAMPLE / "flight.tlog", *options)[0] == 0
+    assert gcs("report", out, "--tolerance-h", 2)[0] == 0
+    page = (out / "report.html").read_text(encoding="utf-8")
+    digest = hashlib.sha256((SAMPLE / "radar-1.csv").read_bytes()).hexdigest()
+    for said in ("Not within tolerance", "No clock is taken as right", "theo-east is silent", digest):
+        assert said in page, said
+    code, said = gcs("compare", out, SAMPLE / "truth.csv")
+    assert code == 0
+    (rms,) = [float(line.split()[2]) for line in said.splitlines() if line.startswith("horizontal  ")]
+    assert 0.3 < rms < 1.5
+    (nees,) = [line.split() for line in said.splitlines() if line.startswith("NEES")]
+    assert float(nees[3]) < 5.0 < float(nees[2])
 
 
 def test_the_report_is_written_into_the_run_folder(gcs, written):
