@@ -22,7 +22,7 @@ COMMANDS = {
     "doctor": "Check Python, packages, station file, ports, router and clock before a flight.",
 }
 
-AFTER = ("report", "compare")  # of a run folder
+AFTER = ("report", "compare", "screen")  # of what a run or an instrument has left
 
 
 def module_of(name: str) -> str:

@@ -6,7 +6,7 @@ import plotly.graph_objects as go
 from gcs.report import trust
 from gcs.report.basis import geometry, numbers
 from gcs.report.basis.drawing import BEST, LEVEL, LIVE, colour_of, limit, line, sheet
-from gcs.report.basis.page import Plot
+from gcs.report.basis.page import Diagram
 from gcs.report.basis.run import REFUSED, Run, is_one_of
 from gcs.report.trust import EN, Tolerance
 
@@ -15,7 +15,7 @@ CROSSING_STEPS = 1_500
 BEGINS = 0.15  # of the flight, from which on the band of a systematic error is shown in full
 
 
-def sigma(run: Run, tolerance: Tolerance) -> Plot:
+def sigma(run: Run, tolerance: Tolerance) -> Diagram:
     """Sigma and protection level over the flight."""
     figure = sheet(2, ["horizontal, m", "height, m"])
     live, best = run.track, run.smoothed
@@ -31,10 +31,10 @@ def sigma(run: Run, tolerance: Tolerance) -> Plot:
         "Logarithmic. Where the protection level is missing nobody else was there to bound a lie; where it "
         "is far above sigma one sensor carries the solution, or disagrees with the rest."
     )
-    return Plot("Sigma and protection level over time", caption, figure, 520)
+    return Diagram("Sigma and protection level over time", caption, figure, 520)
 
 
-def separation(run: Run) -> Plot:
+def separation(run: Run) -> Diagram:
     """What later data changed, in m and in its own sigma."""
     apart, t = trust.separation(run), run.seconds(run.track["t_ns"])
     off = separation_sigmas(run, apart)
@@ -50,7 +50,7 @@ def separation(run: Run) -> Plot:
         f"difference of a filter and its smoother should be; beyond ±3 are {100 * beyond:.1f} % (0.3 % if "
         "every assumption held)."
     )
-    return Plot("Newest minus smoothed", caption, figure, 520)
+    return Diagram("Newest minus smoothed", caption, figure, 520)
 
 
 def separation_sigmas(run: Run, apart: np.ndarray) -> np.ndarray:
@@ -64,7 +64,7 @@ def separation_sigmas(run: Run, apart: np.ndarray) -> np.ndarray:
         return np.where(variance > (0.05 * live) ** 2, apart / np.sqrt(np.maximum(variance, 1e-12)), np.nan)
 
 
-def systematic(run: Run) -> list[Plot]:
+def systematic(run: Run) -> list[Diagram]:
     """Zero errors and clocks of each instrument over time, with 3 sigma; none where they were not kept."""
     out = []
     for sensor in run.heard:
@@ -88,11 +88,11 @@ def systematic(run: Run) -> list[Plot]:
             "What it reads too much, as it was known then. The value should settle inside its band; one that "
             "wanders on is no constant error. The band of the first moments is wider than the picture."
         )
-        out.append(Plot(f"Systematic errors of {sensor}", caption, figure, 130 + 130 * len(shown)))
+        out.append(Diagram(f"Systematic errors of {sensor}", caption, figure, 130 + 130 * len(shown)))
     return out
 
 
-def availability(run: Run) -> Plot:
+def availability(run: Run) -> Diagram:
     """When each sensor spoke, and how much of it was refused."""
     figure = sheet(1, [""])
     edges = np.linspace(run.start_ns, run.end_ns, SPAN_BINS + 1)
@@ -117,10 +117,10 @@ def availability(run: Run) -> Plot:
         f"Each bar is a sensor, in pieces of {width:.2g} s: empty where nothing came, green where all was "
         "taken, red where half or more was refused."
     )
-    return Plot("Availability", caption, figure, 140 + 44 * len(run.heard))
+    return Diagram("Availability", caption, figure, 140 + 44 * len(run.heard))
 
 
-def crossing(run: Run) -> Plot | None:
+def crossing(run: Run) -> Diagram | None:
     """The geometry of the instruments; None where there is none."""
     if not run.station.sensor:
         return None
@@ -141,7 +141,7 @@ def crossing(run: Run) -> Plot | None:
         "without filter and INS. Dilution: the sigma of that fix over the width of the narrowest line of "
         "sight."
     )
-    return Plot("Crossing geometry", caption, figure, 560)
+    return Diagram("Crossing geometry", caption, figure, 560)
 
 
 def _unit(name: str) -> str:

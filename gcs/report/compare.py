@@ -10,7 +10,7 @@ from gcs.contract.frames import Frame
 from gcs.contract.messages import InputError
 from gcs.report.basis import numbers
 from gcs.report.basis.drawing import BEST, LEVEL, LIVE, RAW, line, sheet
-from gcs.report.basis.page import Chapter, Document, Plot, Sheet, number
+from gcs.report.basis.page import Chapter, Diagram, Document, Sheet, number
 from gcs.report.basis.run import Run
 from gcs.report.sources import clock, utc
 
@@ -163,7 +163,7 @@ def document(found: Difference) -> Document:
         ("to, UTC", utc(end)),
         ("States compared", f"{len(found.t_ns):,}"),
     ]
-    parts: list[Sheet | Plot] = [
+    parts: list[Sheet | Diagram] = [
         distances(found),
         consistency(found),
         _over_time(found),
@@ -181,7 +181,7 @@ def document(found: Difference) -> Document:
     )
 
 
-def _over_time(found: Difference) -> Plot:
+def _over_time(found: Difference) -> Diagram:
     figure = sheet(3, ["E, m", "N, m", "U, m"])
     t = (found.t_ns - found.t_ns[0]) * 1e-9
     for k in range(3):
@@ -191,10 +191,10 @@ def _over_time(found: Difference) -> Plot:
         reach = 1.2 * max(np.abs(found.enu_m[:, k]).max(), 3.0 * float(np.median(found.sigma_m[:, k])))
         figure.update_yaxes(range=[-reach, reach], row=k + 1, col=1)
     caption = "It should stay inside the band; where it does not, one of the two is surer than it may be."
-    return Plot("Difference over time", caption, figure, 560)
+    return Diagram("Difference over time", caption, figure, 560)
 
 
-def _size(found: Difference) -> Plot:
+def _size(found: Difference) -> Diagram:
     figure = sheet(2, ["horizontal, m", "height, m"])
     t = (found.t_ns - found.t_ns[0]) * 1e-9
     sizes = np.hypot(*found.enu_m[:, :2].T), np.abs(found.enu_m[:, 2])
@@ -203,10 +203,10 @@ def _size(found: Difference) -> Plot:
         if np.isfinite(level).any():
             line(figure, t, level, "protection level", LEVEL, row)
     caption = "Where the first is a live state: the protection level should never be crossed."
-    return Plot("Size of the difference", caption, figure, 440)
+    return Diagram("Size of the difference", caption, figure, 440)
 
 
-def _plan(found: Difference) -> Plot:
+def _plan(found: Difference) -> Diagram:
     figure = sheet(1, ["N, m"], time=False)
     begin, end = found.t_ns[0], found.t_ns[-1]
     for course, colour, width in ((found.second, RAW, 4), (found.first, BEST, 1.5)):
@@ -216,4 +216,4 @@ def _plan(found: Difference) -> Plot:
         figure.add_trace(go.Scatter(x=east, y=north, mode="lines", name=course.name, line=style))
     figure.update_xaxes(title_text="E, m")
     figure.update_yaxes(scaleanchor="x")
-    return Plot("Both from above", "The thin line should lie on the thick one.", figure, 560)
+    return Diagram("Both from above", "The thin line should lie on the thick one.", figure, 560)

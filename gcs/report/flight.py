@@ -6,7 +6,7 @@ import plotly.graph_objects as go
 from gcs.contract.messages import CHANNELS
 from gcs.report.basis import geometry, numbers
 from gcs.report.basis.drawing import BEST, LIVE, RAW, colour_of, dots, line, sheet
-from gcs.report.basis.page import Plot
+from gcs.report.basis.page import Diagram
 from gcs.report.basis.run import ACCEPTED, REFUSED, Run, is_one_of
 
 ENU = ("e_m", "n_m", "u_m")
@@ -15,7 +15,7 @@ ROOM = 0.25  # around the flight, as a share of it
 PLAN_MARKS = 400  # misplaced claims of one instrument in a picture
 
 
-def plan(run: Run) -> Plot:
+def plan(run: Run) -> Diagram:
     """From above, with the instruments and what they wrongly claimed."""
     figure = sheet(1, ["N, m"], time=False)
     best = _thinned(run.smoothed)
@@ -52,10 +52,10 @@ def plan(run: Run) -> Plot:
     )
     if left_out:
         caption += f" {left_out:,} more lie outside the picture."
-    return Plot("Plan view", caption, figure, 620)
+    return Diagram("Plan view", caption, figure, 620)
 
 
-def replay(run: Run) -> Plot:
+def replay(run: Run) -> Diagram:
     """The flight in three dimensions, with a time slider."""
     best = _thinned(run.smoothed)
     low, high = _box(run)
@@ -100,10 +100,10 @@ def replay(run: Run) -> Plot:
         "Play, or drag the slider: the red point is the vehicle by the best estimate. Drag to turn the "
         "picture, scroll to come near."
     )
-    return Plot("The flight in three dimensions", caption, figure, 600)
+    return Diagram("The flight in three dimensions", caption, figure, 600)
 
 
-def motion(run: Run) -> Plot:
+def motion(run: Run) -> Diagram:
     """Height, speed and acceleration."""
     figure = sheet(4, ["height, m", "speed, m/s", "climb, m/s", "acceleration, m/s²"])
     ins = run.of("ins")
@@ -121,10 +121,10 @@ def motion(run: Run) -> Plot:
         "Height over the origin's level plane plus the origin's, level speed, climb and the size of the "
         "acceleration. Live and best estimate should lie on each other; a step in one of them is an event."
     )
-    return Plot("Height, speed and acceleration", caption, figure, 760)
+    return Diagram("Height, speed and acceleration", caption, figure, 760)
 
 
-def ins_minus_fused(run: Run) -> Plot | None:
+def ins_minus_fused(run: Run) -> Diagram | None:
     """What the autopilot said of its place against the best estimate; None without an INS."""
     values = run.of("ins")
     columns = [values[values["channel"] == CHANNELS.index(c)] for c in "enu"]
@@ -146,10 +146,10 @@ def ins_minus_fused(run: Run) -> Plot | None:
         f"Medians: {told}. A difference along the course that grows with speed is a delay of the autopilot, "
         "one that stays is its position or height error. There is no along or across below 1 m/s."
     )
-    return Plot("INS minus best estimate", caption, figure, 560)
+    return Diagram("INS minus best estimate", caption, figure, 560)
 
 
-def wind(run: Run) -> Plot | None:
+def wind(run: Run) -> Diagram | None:
     """Mean wind over time; None where nothing told it."""
     told = run.wind
     if told is None or not len(told):
@@ -164,7 +164,7 @@ def wind(run: Run) -> Plot | None:
         "Mean wind out of air data and the cleaned velocity, from where the flight has shown it; beside it "
         "what the autopilot believes."
     )
-    return Plot("Wind", caption, figure, 420)
+    return Diagram("Wind", caption, figure, 420)
 
 
 def _median(x: np.ndarray) -> float:

@@ -1,12 +1,12 @@
 """The report of one run: what stands on its page, and in which order."""
 
 from gcs.report import certainty, flight, judged, remarks, residuals, sources, trust
-from gcs.report.basis.page import Chapter, Document, Plot, Sheet
+from gcs.report.basis.page import Chapter, Diagram, Document, Sheet
 from gcs.report.basis.run import Run
 from gcs.report.sources import clock, utc
 from gcs.report.trust import Tolerance
 
-Parts = list[Sheet | Plot | None]
+Parts = list[Sheet | Diagram | None]
 EVENTS_LISTED = 60
 WITHOUT_EACH = (
     "The largest separation of the live state from the states without each one of the sensors is inside the "
@@ -79,7 +79,7 @@ def _on_one_time(chapters: list[Chapter], run: Run, seconds: float) -> list[Chap
     """All figures over time begin and end together."""
     begin_s = min(0.0, float(run.seconds(run.smoothed["t_ns"][:1])[0]))
     for part in (part for chapter in chapters for part in chapter.parts):
-        if isinstance(part, Plot) and part.figure.layout.meta.get("time"):
+        if isinstance(part, Diagram) and part.figure.layout.meta.get("time"):
             part.figure.update_xaxes(range=[begin_s, seconds])
     return chapters
 

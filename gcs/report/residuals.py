@@ -9,7 +9,7 @@ import plotly.graph_objects as go
 from gcs.contract.messages import CHANNELS
 from gcs.report.basis import geometry, numbers
 from gcs.report.basis.drawing import SENSORS, VERDICT, dots, sheet
-from gcs.report.basis.page import Plot
+from gcs.report.basis.page import Diagram
 from gcs.report.basis.run import ACCEPTED, LINE, Run, is_one_of, sigmas_off
 
 EDGE = 8.0  # sigmas that are drawn; what is farther stands at the edge
@@ -19,7 +19,7 @@ BINS = 81
 LOOKS = 40  # bins in which the median of residuals is drawn against where the instrument looks
 
 
-def figures(run: Run) -> Iterator[Plot]:
+def figures(run: Run) -> Iterator[Diagram]:
     """All of them, sensor by sensor."""
     for sensor in run.heard:
         values = run.of(sensor)
@@ -34,7 +34,7 @@ def figures(run: Run) -> Iterator[Plot]:
             yield by_look(run, sensor, values, off)
 
 
-def over_time(run: Run, sensor: str, values: np.ndarray, off: np.ndarray) -> Plot:
+def over_time(run: Run, sensor: str, values: np.ndarray, off: np.ndarray) -> Diagram:
     """Residuals in sigmas of each channel, by verdict; ``off`` (n,) of ``values`` (n,)."""
     channels = np.unique(values["channel"]).tolist()
     figure = sheet(len(channels), [CHANNELS[channel].replace("_", " ") for channel in channels])
@@ -64,10 +64,10 @@ def over_time(run: Run, sensor: str, values: np.ndarray, off: np.ndarray) -> Plo
         caption += f" {beyond:,} beyond {EDGE:g} sigmas stand at the edge."
     if drawn < there:
         caption += f" Of {there:,} values {drawn:,} are drawn, among them the extremes of each stretch."
-    return Plot(f"Residuals of {sensor}", caption, figure, 110 + 130 * len(channels))
+    return Diagram(f"Residuals of {sensor}", caption, figure, 110 + 130 * len(channels))
 
 
-def distribution(sensor: str, values: np.ndarray, off: np.ndarray) -> Plot:
+def distribution(sensor: str, values: np.ndarray, off: np.ndarray) -> Diagram:
     """Histogram and quantile plot of the accepted residuals."""
     figure = sheet(1, ["density", "sigmas"], columns=2, time=False)
     edges = np.linspace(-5.0, 5.0, BINS + 1)
@@ -111,10 +111,10 @@ def distribution(sensor: str, values: np.ndarray, off: np.ndarray) -> Plot:
         "Right: on the grey line the residuals are normal; ends that bend away are tails, a parallel line "
         "is a zero error."
     )
-    return Plot(f"Distribution of {sensor}'s residuals", caption, figure, 400)
+    return Diagram(f"Distribution of {sensor}'s residuals", caption, figure, 400)
 
 
-def by_look(run: Run, sensor: str, values: np.ndarray, off: np.ndarray) -> Plot:
+def by_look(run: Run, sensor: str, values: np.ndarray, off: np.ndarray) -> Diagram:
     """Accepted residuals against range, azimuth and elevation of the best estimate."""
     channels = np.unique(values["channel"]).tolist()
     titles = [title for channel in channels for title in (CHANNELS[channel].replace("_", " "), "", "")]
@@ -145,7 +145,7 @@ def by_look(run: Run, sensor: str, values: np.ndarray, off: np.ndarray) -> Plot:
         "The line is the median of equally many values each. It should stay on zero: a slope with range is a "
         "scale, a wave over azimuth a mount that leans, a bend at low elevation the refraction."
     )
-    return Plot(f"Residuals of {sensor} by where it looks", caption, figure, 120 + 140 * len(channels))
+    return Diagram(f"Residuals of {sensor} by where it looks", caption, figure, 120 + 140 * len(channels))
 
 
 def _add_medians(figure: go.Figure, x: np.ndarray, y: np.ndarray, row: int, column: int) -> None:

@@ -1,1 +1,1 @@
-"""What is done with a run folder once the run is over."""
+"""What is done with a run folder, or with an instrument's record, once the flight is over."""

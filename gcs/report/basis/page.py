@@ -21,7 +21,7 @@ class Sheet(NamedTuple):
     note: str = ""
 
 
-class Plot(NamedTuple):
+class Diagram(NamedTuple):
     """A figure, and in one sentence what to see in it."""
 
     title: str
@@ -35,7 +35,7 @@ class Chapter(NamedTuple):
 
     title: str
     intro: str
-    parts: list[Sheet | Plot]
+    parts: list[Sheet | Diagram]
 
 
 class Finding(NamedTuple):
@@ -68,7 +68,7 @@ def render(document: Document) -> str:
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
     environment.filters["anchor"] = _anchor
-    environment.tests["picture"] = lambda part: isinstance(part, Plot)
+    environment.tests["picture"] = lambda part: isinstance(part, Diagram)
     return environment.from_string(html).render(
         document=document,
         css=Markup(css),

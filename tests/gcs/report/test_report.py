@@ -26,7 +26,7 @@ MISSING = [
 ]
 
 
-class Reader(HTMLParser):
+class PageReader(HTMLParser):
     """Every element opened and closed in order; collects ids, links, addresses and figures."""
 
     def __init__(self, html: str):
@@ -60,7 +60,7 @@ def html(run):
 
 
 def test_the_page_is_well_formed_and_every_link_leads_somewhere(html):
-    read = Reader(html)
+    read = PageReader(html)
     assert read.open == []
     assert {name: n for name, n in Counter(read.ids).items() if n > 1} == {}
     assert {link for link in read.links if link.removeprefix("#") not in read.ids} == set()
@@ -81,7 +81,7 @@ def test_a_figure_holds_the_extremes(run):
         p.figure
         for c in report.document(run, Tolerance()).chapters
         for p in c.parts
-        if isinstance(p, page.Plot)
+        if isinstance(p, page.Diagram)
     ]
     names = {trace.name for figure in figures for trace in figure.data}
     assert {"isolated", "patch", "best estimate", "live", "protection level, live"} <= names
@@ -92,7 +92,7 @@ def test_a_figure_holds_the_extremes(run):
 
 def test_every_figure_over_time_has_the_flight_s_time(run):
     for part in (p for c in report.document(run, Tolerance()).chapters for p in c.parts):
-        if isinstance(part, page.Plot) and part.figure.layout.meta.get("time"):
+        if isinstance(part, page.Diagram) and part.figure.layout.meta.get("time"):
             assert part.figure.layout.xaxis.range == (0.0, 10.0), part.title
 
 
@@ -102,7 +102,7 @@ def test_a_killed_run_gives_a_page_that_says_so(written):
     html = page.render(report.document(runs.load(written), Tolerance(3.0)))
     assert "the run did not end" in html
     assert "Open: the run did not end" in html
-    assert Reader(html).open == []
+    assert PageReader(html).open == []
 
 
 @pytest.mark.slow
