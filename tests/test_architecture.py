@@ -234,10 +234,10 @@ def test_commands_start_light():
 def test_every_command_is_there():
     from importlib import import_module
 
-    from gcs.commands.cli import COMMANDS
+    from gcs.commands.cli import COMMANDS, module_of
 
     for name in COMMANDS:
-        assert import_module(f"gcs.commands.{name}").command
+        assert import_module(module_of(name)).command
 
 
 def test_vocabulary_and_filters_agree():

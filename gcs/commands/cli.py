@@ -1,4 +1,4 @@
-"""The command ``gcs``: each command is a file of this folder, imported only when it is asked for.
+"""The command ``gcs``: each command is a file of this folder or of ``after``, imported when it is asked for.
 
 Exit codes: 0 done, 1 the run failed, 2 wrong usage or input (one line on stderr, no traceback).
 """
@@ -14,15 +14,25 @@ COMMANDS = {
     "replay": "After the flight: a tlog and ground-sensor feeds in, trajectory and verdicts out.",
     "run": "Live: MAVLink and ground sensors in over the bus, cleaned state out, view, recording.",
     "bridge": "One bridge alone, on whichever machine the instrument hangs on.",
+    "report": "A run folder as one HTML page that opens offline: tables, figures, verdict, a place to sign.",
+    "compare": "Two runs, or a run and a truth file: how far they are apart, and whether the sigmas hold.",
     "demo": "The sample flight with theodolites and a radar, live through Zenoh, in the browser.",
     "screen": "One raw feed, channel by channel, without a trajectory: cleaned feed, flags and a picture.",
     "train": "Train the correction network and test it on flights it has never seen.",
     "doctor": "Check Python, packages, station file, ports, listeners, router and clock before a flight.",
 }
 
+AFTER = ("report", "compare", "screen")  # of what a run or an instrument has left
+
+
+def module_of(name: str) -> str:
+    """The module that holds a command."""
+    return f"gcs.commands.{'after.' if name in AFTER else ''}{name}"
+
+
 app = App(name="gcs", version=__version__, help="Flight-test trajectory measurement: where was it really?")
 for _name, _help in COMMANDS.items():
-    app.command(f"gcs.commands.{_name}:command", name=_name, help=_help)
+    app.command(f"{module_of(_name)}:command", name=_name, help=_help)
 
 
 def main() -> None:

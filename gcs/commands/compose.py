@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from filters.correction.correction import off
@@ -10,9 +11,10 @@ from gcs.contract.config import Station
 from gcs.contract.frames import Frame, scene
 from gcs.contract.messages import Event, PartHealth
 from gcs.outputs.console import Console
+from gcs.outputs.diary import Diary
 from gcs.outputs.disk import Tell, to_operator
 from gcs.outputs.publish import Publisher, Target
-from gcs.station.health import Feeds, Monitor
+from gcs.station.health import Feeds, Files, Monitor
 from gcs.station.replay import Playback
 from gcs.station.session import Session, Sink
 
@@ -64,10 +66,15 @@ def announcer(send_to: Sequence[Target]) -> Tell:
     return tell
 
 
+def diary(folder: Path, station: Station) -> Diary:
+    """The sink that keeps what was told."""
+    return Diary(folder, Monitor(["ins", *(sensor.name for sensor in station.sensor)], Files()))
+
+
 def new_session(
     station: Station,
     frame: Frame,
-    record: Sink,
+    records: Sequence[Sink],
     method: str,
     send_to: Sequence[Target],
     feeds: Feeds,
@@ -75,7 +82,7 @@ def new_session(
     parts: Callable[[], dict[str, PartHealth]] = dict,
 ) -> Session:
     """A session with its sinks, compiled and ready for the first measurement."""
-    sinks: list[Sink] = [record, Console()]
+    sinks: list[Sink] = [*records, Console()]
     if send_to:
         names = ["ins", *(sensor.name for sensor in station.sensor)]
         sinks.append(Publisher(frame, Monitor(names, feeds, parts), send_to))

@@ -98,6 +98,13 @@ def run_folder(out: Path) -> Path:
     return folder
 
 
+def metres_of(option: str, metres: float | None) -> float | None:
+    """A tolerance; None: not stated. Raises ``InputError``."""
+    if metres is not None and not 0 < metres < float("inf"):
+        raise InputError(f"{option} {metres:g}: expected a number of metres above 0")
+    return metres
+
+
 def writable(folder: Path) -> Path:
     """The folder, made if need be, once a file could be written in it. Raises ``InputError``."""
     try:

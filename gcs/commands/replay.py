@@ -8,7 +8,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from gcs.commands.compose import announcer, new_session, open_bus, open_view, targets
+from gcs.commands.compose import announcer, diary, new_session, open_bus, open_view, targets
 from gcs.commands.options import (
     Config,
     Correction,
@@ -74,11 +74,12 @@ def command(
                 shown.clear()
             send_to = targets(bus, shown)
             records.append(Record(folder, heard, frame, announcer(send_to)))
-            return new_session(heard, frame, records[-1], estimator, send_to, Files(), learned)
+            kept = [records[-1], diary(folder, heard)]
+            return new_session(heard, frame, kept, estimator, send_to, Files(), learned)
 
         on_signal(playback.stop)
         summary = driver.run(loaded, session, playback, stay=view)
-    say(f"run folder: {folder}")
+    say(f"run folder: {folder}   (a page to sign: gcs report {folder})")
     if not summary["complete"] and not view:
         say("stopped before the end of the flight")
         sys.exit(1)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from filters.correction.correction import off
 from gcs import __version__
-from gcs.commands.compose import new_session, open_bus, open_view, targets
+from gcs.commands.compose import diary, new_session, open_bus, open_view, targets
 from gcs.commands.options import run_folder, seconds_of
 from gcs.contract import messages
 from gcs.contract.config import Station
@@ -74,8 +74,8 @@ def serve(
         about["correction"] = "off" if correction is off else "on"
         recorder = RunRecorder(folder, station, frame, _log, about)
         stack.callback(recorder.end)
-        told = [*send_to, _note, recorder.target]
-        session = new_session(station, frame, recorder, method, told, feeds, correction, supervisor.health)
+        told, records = [*send_to, _note, recorder.target], [recorder, diary(folder, station)]
+        session = new_session(station, frame, records, method, told, feeds, correction, supervisor.health)
         supervisor.others = session.supervise()
         still = scene(station, frame)
         bus.publish("scene", still)
@@ -100,7 +100,7 @@ def serve(
         if shown and not stop.is_set():
             say("the flight is over; the view stays until Ctrl-C")
             stop.wait()
-    say(f"run folder: {folder}")
+    say(f"run folder: {folder}   (a page to sign: gcs report {folder})")
     missed = [sink.name for sink in supervisor.others if not sink.health().running]
     if missed:
         sys.exit(f"gcs: {', '.join(missed)} failed and is not whole; see {folder / 'station.log'}")

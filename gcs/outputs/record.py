@@ -106,7 +106,7 @@ def verdict_lines(entries: np.ndarray, ledger: Ledger) -> str:
     numbers = zip(*(entries[f].tolist() for f in ("value", "predicted", "sigma")), strict=True)
     return "".join(
         f"{'' if t_ns == NO_TIME else t_ns},{ledger.sensors[sensor]},{channels[channel]},"
-        f"{_number(value)},{_number(predicted)},{_number(sigma)},{weight:.4g},{VERDICTS[verdict]},{_quoted(reason)}\n"
+        f"{_number(value)},{_number(predicted)},{_number(sigma)},{weight:.4g},{VERDICTS[verdict]},{quoted(reason)}\n"
         for (t_ns, sensor, channel, verdict, weight), (value, predicted, sigma), reason in zip(
             zip(*columns, strict=True), numbers, reasons, strict=True
         )
@@ -122,7 +122,8 @@ def _level(metres: float) -> str:
     return f"{metres:.3f}" if isfinite(metres) else ""
 
 
-def _quoted(text: str) -> str:
+def quoted(text: str) -> str:
+    """A text as a field of a CSV file."""
     return '"' + text.replace('"', '""') + '"' if "," in text or '"' in text else text
 
 

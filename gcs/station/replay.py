@@ -16,6 +16,7 @@ from gcs.contract.config import Station
 from gcs.contract.frames import Frame
 from gcs.contract.messages import AIR, CHANNELS, INS, INSTRUMENT_CHANNELS, Event, InputError
 from gcs.station import stamps
+from gcs.station.inputs import digests
 from gcs.station.intake import Batch, Intake, merge
 from gcs.station.ledger import NO_TIME
 from gcs.station.session import FOREVER_NS, Session
@@ -116,7 +117,8 @@ def load(log: Path | None, station: Station, feeds: dict[str, Path]) -> Measured
     for sensor in station.sensor:
         if sensor.name in measured and len(measured[sensor.name][0]):
             _check_feed(feeds[sensor.name], measured[sensor.name][0], seen, frame.place_sensor(sensor))
-    return MeasuredFlight(frame, ins, own.air, measured, {"log": own.report}, start_ns, end_ns)
+    about = {"log": own.report, "inputs": digests({"flight": log} | feeds)}
+    return MeasuredFlight(frame, ins, own.air, measured, about, start_ns, end_ns)
 
 
 def _feeds_alone(station: Station, kinds: Mapping[str, str], feeds: dict[str, Path]) -> MeasuredFlight:
@@ -130,7 +132,8 @@ def _feeds_alone(station: Station, kinds: Mapping[str, str], feeds: dict[str, Pa
     times = np.concatenate([rows["t_ns"] for rows, _ in measured.values()])
     if not len(times):
         raise InputError(f"{', '.join(map(str, feeds.values()))}: not one line can be used")
-    frame, about = Frame(origin.lat_deg, origin.lon_deg, origin.alt_m), {"log": None}
+    frame = Frame(origin.lat_deg, origin.lon_deg, origin.alt_m)
+    about = {"log": None, "inputs": digests(feeds)}
     return MeasuredFlight(
         frame, np.empty(0, INS), np.empty(0, AIR), measured, about, int(times.min()), int(times.max())
     )

@@ -43,6 +43,7 @@ class Update(NamedTuple):
     retired: np.ndarray  # (r,) ENTRY, final, in order of arrival
     ledger: Ledger  # gives names and ``reason_texts``
     told: Sequence[Wind | Event] = ()  # of the air
+    report: Callable[[], dict] = dict  # the estimator's own, of this moment
     failed: bool = False  # measurements come, and no state can be told any more
 
 
@@ -175,8 +176,9 @@ class Session:
         ids = np.concatenate([*self._judged, self.ledger.judge(step.verdicts)])
         self._judged.clear()
         judged = self.ledger.at(ids)
-        smoothed = self._told_only(step.smoothed)
-        update = Update(step.track, smoothed, judged, self.ledger.retire(), self.ledger, told, failed)
+        smoothed, retired = self._told_only(step.smoothed), self.ledger.retire()
+        report = self.estimator.report
+        update = Update(step.track, smoothed, judged, retired, self.ledger, told, report, failed)
         for sink in self.sinks:
             sink.take(update)
 

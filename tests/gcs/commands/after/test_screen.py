@@ -6,7 +6,7 @@ import xml.etree.ElementTree as ElementTree
 import numpy as np
 import pytest
 
-from gcs.commands.screen import noise_of, run
+from gcs.commands.after.screen import noise_of, run
 from gcs.contract.messages import InputError
 
 HEADER = "t,range_m,azimuth_deg,elevation_deg"

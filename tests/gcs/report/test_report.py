@@ -1,0 +1,161 @@
+"""The page of a run: complete, well-formed, safe, and quiet."""
+
+import importlib.util
+import json
+import re
+from collections import Counter
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+
+from gcs.report import report
+from gcs.report.basis import page
+from gcs.report.basis import run as runs
+from gcs.report.trust import Tolerance
+from tests.web import browser
+
+VOID = ("meta", "link", "br")
+MISSING = [
+    name
+    for name, found in (
+        ("chromium", browser.Path(browser.CHROMIUM).exists()),
+        ("playwright", importlib.util.find_spec("playwright")),
+    )
+    if not found
+]
+
+
+class PageReader(HTMLParser):
+    """Every element opened and closed in order; collects ids, links, addresses and figures."""
+
+    def __init__(self, html: str):
+        super().__init__()
+        self.open: list[str] = []
+        self.ids, self.links, self.addresses, self.figures = [], [], [], []
+        self._json = False
+        self.feed(html)
+        self.close()
+
+    def handle_starttag(self, tag, attributes):
+        told = dict(attributes)
+        self.ids += [told["id"]] if "id" in told else []
+        self.links += [told["href"]] if tag == "a" else []
+        self.addresses += [told[name] for name in ("src", "href") if name in told and tag != "a"]
+        self._json = told.get("type") == "application/json"
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        if self._json and data.strip():
+            self.figures.append(json.loads(data))
+
+
+@pytest.fixture
+def html(run):
+    return page.render(report.document(run, Tolerance(3.0, 2.0)))
+
+
+def test_the_page_is_well_formed_and_every_link_leads_somewhere(html):
+    read = PageReader(html)
+    assert read.open == []
+    assert {name: n for name, n in Counter(read.ids).items() if n > 1} == {}
+    assert {link for link in read.links if link.removeprefix("#") not in read.ids} == set()
+    assert read.addresses == ["data:,"]
+    assert len(read.figures) == html.count("data-figure=")
+    assert len(html) < 15e6
+
+
+def test_texts_of_files_cannot_become_part_of_the_page(html):
+    assert "<i>silent</i>" not in html
+    assert "&lt;i&gt;silent" in html
+    assert "<b>theo</b>" not in html
+
+
+def test_a_figure_holds_the_extremes(run):
+    """The isolated outlier of 9 sigma and the patch of 20 stand at the edge."""
+    figures = [
+        p.figure
+        for c in report.document(run, Tolerance()).chapters
+        for p in c.parts
+        if isinstance(p, page.Diagram)
+    ]
+    names = {trace.name for figure in figures for trace in figure.data}
+    assert {"isolated", "patch", "best estimate", "live", "protection level, live"} <= names
+    isolated = next(trace for figure in figures for trace in figure.data if trace.name == "isolated")
+    assert isolated.y.tolist() == [8.0]
+    assert "+9.0 sigma" in isolated.text[0]
+
+
+def test_every_figure_over_time_has_the_flight_s_time(run):
+    for part in (p for c in report.document(run, Tolerance()).chapters for p in c.parts):
+        if isinstance(part, page.Diagram) and part.figure.layout.meta.get("time"):
+            assert part.figure.layout.xaxis.range == (0.0, 10.0), part.title
+
+
+def test_a_killed_run_gives_a_page_that_says_so(written):
+    for name in ("summary.json", "events.csv", "errors.csv"):
+        (written / name).unlink()
+    html = page.render(report.document(runs.load(written), Tolerance(3.0)))
+    assert "the run did not end" in html
+    assert "Open: the run did not end" in html
+    assert PageReader(html).open == []
+
+
+@pytest.mark.slow
+def test_a_long_flight_makes_no_large_page(run):
+    """1,000 times the flight, one after the other: 100,000 values and as many states."""
+    by_sensor = {name: repeated(values) for name, values in run.by_sensor.items()}
+    long = run._replace(track=repeated(run.track), smoothed=repeated(run.smoothed), by_sensor=by_sensor)
+    short, html = (len(page.render(report.document(one, Tolerance()))) for one in (run, long))
+    assert html - short < 1e6
+
+
+def repeated(rows: np.ndarray) -> np.ndarray:
+    """A thousand times, each 10.1 s after the one before."""
+    many = np.tile(rows, 1_000)
+    many["t_ns"] += np.repeat(np.arange(1_000), len(rows)) * 10_100_000_000
+    return many
+
+
+def test_numbers_are_short_and_never_in_powers():
+    said = [page.number(x) for x in (None, float("nan"), 0, 0.012345, 12.345, 123456.0, float("inf"))]
+    assert said == ["–", "–", "0", "0.0123", "12.3", "123456", "∞"]
+
+
+@pytest.mark.browser
+@pytest.mark.skipif(bool(MISSING), reason=f"needs {' and '.join(MISSING)}")
+def test_it_opens_without_any_network_and_plays(html, tmp_path):
+    """In Chromium without network: everything drawn, nothing asked for, both themes, the flight played."""
+    from playwright.sync_api import sync_playwright
+
+    file = tmp_path / "report.html"
+    file.write_text(html, encoding="utf-8")
+    asked, wrong = [], []
+    with sync_playwright() as playwright:
+        chromium = playwright.chromium.launch(executable_path=browser.CHROMIUM, args=browser.ARGS)
+        tab = chromium.new_context(offline=True, viewport=browser.SMALL, color_scheme="light").new_page()
+        tab.set_default_timeout(120_000)
+        tab.on("request", lambda request: asked.append(request.url))
+        tab.on("pageerror", lambda error: wrong.append(str(error)))
+        tab.goto(file.as_uri())
+        tab.locator("body[data-drawn=all]").wait_for()
+        assert tab.locator(".plot .main-svg").count() >= tab.locator(".plot").count()
+        assert tab.evaluate("document.documentElement.scrollWidth") <= browser.SMALL["width"]
+        ink = "getComputedStyle(document.querySelector('.xtick text')).fill"
+        light = tab.evaluate(ink)
+        tab.emulate_media(color_scheme="dark")
+        tab.wait_for_function(f"{ink} !== '{light}'")
+        slider = tab.get_by_label("time", exact=True)
+        slider.fill("0")
+        assert tab.locator(".replay output").inner_text() == "0.0 s"
+        tab.get_by_label("speed").select_option("60×")
+        tab.get_by_role("button", name="Play").click()
+        tab.wait_for_function("document.querySelector('.replay output').textContent === '10.0 s'")
+        assert tab.get_by_role("button", name="Play").is_visible()
+        chromium.close()
+    assert wrong == []
+    assert [url for url in asked if not re.match("file:|data:|blob:", url)] == []
