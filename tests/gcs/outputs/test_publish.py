@@ -39,7 +39,7 @@ def update(*t_s: float, smoothed=(), failed=False) -> Update:
     judged["t_ns"], judged["measurement"] = track(*t_s)["t_ns"], np.arange(len(t_s)) + 100 * round(sum(t_s))
     judged["channel"], judged["verdict"], judged["count"] = CHANNELS.index("range"), VERDICTS.index("used"), 1
     ledger = Ledger(["radar"], ("",))
-    return Update(track(*t_s), track(*smoothed), judged, judged[:0], ledger, (), failed)
+    return Update(track(*t_s), track(*smoothed), judged, judged[:0], ledger, failed=failed)
 
 
 def publisher() -> tuple[Publisher, Sent]:
