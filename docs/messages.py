@@ -85,7 +85,9 @@ EXAMPLES: dict[str, Any] = {  # by field, by Type.field where that is not enough
     "vehicle": "uav1",
     "name": "theo-north",
     "kind": "theodolite",
+    "errors": {"azimuth": {"value": -0.0081, "sigma": 0.0012, "unit": "deg", "known": True}},
 }
+PARTS = (contract.SensorHealth, contract.SystematicError, contract.Instrument)  # held by messages
 
 
 def page() -> str:
@@ -99,7 +101,8 @@ def section(kind: type) -> str:
     text = re.sub(r"\[[^][{}]*\]", lambda found: re.sub(r"\s+", " ", found[0]), text)  # numbers on one line
     text = re.sub(r"(0\.0, ){9,}0\.0", "…", text)
     doc = " ".join((inspect.getdoc(kind) or "").split())
-    fields = "".join(table(part) for part in (kind, *parts(kind)))
+    deeper = [inner for part in parts(kind) for inner in parts(part)]
+    fields = "".join(table(part) for part in (kind, *parts(kind), *deeper))
     return f"\n## {kind.__name__}\n\n{doc}\n\nKey: {KEYS[kind.__name__]}\n\n{fields}```json\n{text}\n```\n"
 
 
@@ -119,7 +122,7 @@ def table(kind: type) -> str:
 def parts(kind: type) -> list[type]:
     """The types of ours that its fields hold."""
     shown = " ".join(str(field.type) for field in msgspec.structs.fields(kind))
-    return [part for part in (contract.SensorHealth, contract.Instrument) if f".{part.__name__}" in shown]
+    return [part for part in PARTS if f".{part.__name__}" in shown]
 
 
 def example(kind: type) -> Any:
@@ -128,7 +131,7 @@ def example(kind: type) -> Any:
     for field in msgspec.structs.fields(kind):
         named = EXAMPLES.get(f"{kind.__name__}.{field.name}", EXAMPLES.get(field.name))
         inner = next((part for part in parts(kind) if f".{part.__name__}" in str(field.type)), None)
-        if inner:
+        if inner and named is None:
             values[field.name] = (
                 {"theo-north": example(inner)} if field.name == "sensors" else [example(inner)]
             )

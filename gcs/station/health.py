@@ -6,7 +6,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from gcs.contract.messages import VERDICTS, Event, Health, SensorHealth
+from gcs.contract.messages import VERDICTS, Event, Health, SensorHealth, SystematicError
 from gcs.station.ledger import NO_TIME
 from gcs.station.session import Update
 
@@ -70,7 +70,8 @@ class Monitor:
             yield from self._events(update)
         if self.now_ns >= self._next_ns:
             self._next_ns = self.now_ns + PERIOD_NS
-            sensors = {name: self._health(name) for name in self._sensors}
+            found = update.report().get("sensors", {})
+            sensors = {name: self._health(name, found.get(name, {})) for name in self._sensors}
             yield Health(t_ns=self.now_ns, sensors=sensors, queue_age_s=self._feeds.queue_age_s())
 
     def ages_s(self, t_ns: int) -> dict[str, float]:
@@ -92,7 +93,7 @@ class Monitor:
             self._totals[name][0] += len(fresh)
             self._totals[name][1] += outliers
 
-    def _health(self, name: str) -> SensorHealth:
+    def _health(self, name: str, found: dict) -> SensorHealth:
         recent = self._recent[name]
         while recent and recent[0].end_ns < self.now_ns - SPAN_NS:
             recent.popleft()
@@ -107,6 +108,7 @@ class Monitor:
             alive=self._feeds.alive(name),
             rows=self._totals[name][0],
             outliers=self._totals[name][1],
+            errors={error: _systematic(**told) for error, told in found.get("errors", {}).items()},
         )
 
     def _events(self, update: Update) -> Iterator[Event]:
@@ -120,3 +122,10 @@ class Monitor:
         for name in sorted(self._silent - silent):
             yield Event(t_ns=self.now_ns, level="info", text=f"{name} is back")
         self._silent = silent
+
+
+def _systematic(value: float, sigma: float, unit: str, *, observable: bool, **_) -> SystematicError:
+    """An entry of the estimator's report; angles become degrees."""
+    turn = float(np.degrees(1.0)) if unit == "rad" else 1.0
+    unit = "deg" if unit == "rad" else unit
+    return SystematicError(value=value * turn, sigma=sigma * turn, unit=unit, known=observable)

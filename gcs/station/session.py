@@ -36,6 +36,7 @@ class Update(NamedTuple):
     retired: np.ndarray  # (r,) ENTRY, final, in order of arrival
     ledger: Ledger  # gives names and ``reason_texts``
     told: Sequence[Wind | Event] = ()  # of the air
+    report: Callable[[], dict] = dict  # the estimator's own, of this moment
 
 
 class Sink(Protocol):
@@ -131,7 +132,7 @@ class Session:
         ids = np.concatenate([*self._judged, self.ledger.judge(step.verdicts)])
         self._judged.clear()
         judged = self.ledger.at(ids)
-        update = Update(step.track, step.smoothed, judged, self.ledger.retire(), self.ledger, told)
+        update = Update(step.track, step.smoothed, judged, self.ledger.retire(), self.ledger, told, self.estimator.report)
         for sink in self.sinks:
             sink.take(update)
 

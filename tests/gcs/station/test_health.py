@@ -35,6 +35,18 @@ def test_rate_and_share_over_ten_seconds():
     assert (health.rows, health.outliers) == (500, 20)
 
 
+def test_systematic_errors_are_told_in_degrees():
+    angle = {"value": 0.001, "sigma": 0.0001, "prior_sigma": 0.01, "unit": "rad", "observable": True}
+    clock = {"value": 0.02, "sigma": 0.05, "prior_sigma": 0.05, "unit": "s", "observable": False}
+    found = {"sensors": {"radar": {"errors": {"azimuth": angle, "clock": clock}}}}
+    told = run(Monitor(["radar"], Files()), update([S])._replace(report=lambda: found))
+    errors = told[0].sensors["radar"].errors
+    assert (errors["azimuth"].unit, errors["azimuth"].known) == ("deg", True)
+    assert np.isclose(errors["azimuth"].value, np.degrees(0.001))
+    assert np.isclose(errors["azimuth"].sigma, np.degrees(0.0001))
+    assert (errors["clock"].value, errors["clock"].unit, errors["clock"].known) == (0.02, "s", False)
+
+
 def test_a_changed_verdict_is_not_counted_twice():
     monitor = Monitor(["radar"], Files())
     run(monitor, update([S, 2 * S]), update([S, 2 * S], "isolated"), update([3 * S]))
