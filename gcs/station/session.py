@@ -132,7 +132,8 @@ class Session:
         ids = np.concatenate([*self._judged, self.ledger.judge(step.verdicts)])
         self._judged.clear()
         judged = self.ledger.at(ids)
-        update = Update(step.track, step.smoothed, judged, self.ledger.retire(), self.ledger, told, self.estimator.report)
+        retired, report = self.ledger.retire(), self.estimator.report
+        update = Update(step.track, step.smoothed, judged, retired, self.ledger, told, report)
         for sink in self.sinks:
             sink.take(update)
 
