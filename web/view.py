@@ -148,9 +148,11 @@ def _hush() -> contextlib.redirect_stdout:
     return contextlib.redirect_stdout(io.StringIO())
 
 
-def run(bus: "Bus", port: int = 8080, stop: threading.Event | None = None) -> None:
-    """The view alone, on the bus: waits for the station's ``Scene``, then shows all until ``stop``."""
-    stop = stop or threading.Event()
+def run(bus: "Bus", port: int, stop: threading.Event, opened: Callable[[str], None]) -> None:
+    """The view alone, on the bus: waits for the station's ``Scene``, then shows all until ``stop``.
+
+    ``opened`` is told the page's address.
+    """
     scenes, smoothed = bus.subscribe("scene"), bus.subscribe("smoothed")
     rest = bus.subscribe("state", "verdict/*", "wind", "health", "event")
     scene = None
@@ -159,6 +161,7 @@ def run(bus: "Bus", port: int = 8080, stop: threading.Event | None = None) -> No
     if scene is None:
         return
     view = View(scene, port=port)
+    opened(view.url)
     try:
         while not stop.is_set():
             for _, message in rest.drain(0.05):

@@ -21,7 +21,7 @@ from web.panel.limits import alarms
 from web.panel.player import LookBack, Player
 from web.plots.dock import Dock
 from web.scene.aircraft import Aircraft
-from web.scene.marks import Marks
+from web.scene.marks import Eye, Marks
 from web.scene.paint import CHOICES
 from web.scene.picture import LAYERS
 
@@ -71,7 +71,7 @@ class Viewer:
         with self._client.atomic():
             self.camera.update(aircraft, self._view.picture.low, self._view.picture.high)
             if self._tick % PANEL_TICKS == 0:
-                self._marks.update(self.camera.eye(), self.camera.pixel_rad())
+                self._marks.update(Eye(self.camera.eye(), self.camera.pixel_rad()))
                 self._haunt(shown)
                 self._write(shown)
             if self._tick % PLOT_TICKS == 0:

@@ -15,6 +15,7 @@ COMMANDS = {
     "run": "Live: MAVLink and ground sensors in over the bus, cleaned state out, view, recording.",
     "bridge": "One bridge alone, on whichever machine the instrument hangs on.",
     "demo": "The sample flight with theodolites and a radar, live through Zenoh, in the browser.",
+    "view": "The page alone, on any machine, showing what a station publishes.",
     "screen": "One raw feed, channel by channel, without a trajectory: cleaned feed, flags and a picture.",
     "train": "Train the correction network and test it on flights it has never seen.",
     "doctor": "Check Python, packages, station file, ports, router and clock before a flight.",

@@ -3,8 +3,6 @@
 A solid is (vertices (n, 3) float, faces (m, 3) int).
 """
 
-from itertools import pairwise
-
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -58,21 +56,21 @@ def radar() -> Solid:
     return merge(*legs, bar((0, 0, 0.3), deep, 0.06), dish, bar(deep, deep + 0.42 * look, 0.025))
 
 
-def bar(start: ArrayLike, end: ArrayLike, radius: float, sides: int = 6) -> Solid:
-    """A bar of so many sides from ``start`` to ``end``."""
+def bar(start: ArrayLike, end: ArrayLike, radius: float) -> Solid:
+    """A six-sided bar from ``start`` to ``end``."""
     start, end = np.asarray(start, float), np.asarray(end, float)
     axis = (end - start) / np.linalg.norm(end - start)
     side = np.cross(axis, (0, 0, 1) if abs(axis[2]) < 0.9 else (1, 0, 0))
     side /= np.linalg.norm(side)
-    angles = np.linspace(0, 2 * np.pi, sides, endpoint=False)[:, None]
+    angles = np.linspace(0, 2 * np.pi, 6, endpoint=False)[:, None]
     ring = radius * (np.cos(angles) * side + np.sin(angles) * np.cross(axis, side))
-    i, j = np.arange(sides), (np.arange(sides) + 1) % sides
-    caps = [(0, k, k + 1) for k in range(1, sides - 1)]
+    i, j = np.arange(6), (np.arange(6) + 1) % 6
+    caps = [(0, k, k + 1) for k in range(1, 5)]
     faces = [
-        np.column_stack([i, j, sides + i]),
-        np.column_stack([j, sides + j, sides + i]),
+        np.column_stack([i, j, 6 + i]),
+        np.column_stack([j, 6 + j, 6 + i]),
         np.array(caps)[:, ::-1],
-        np.array(caps) + sides,
+        np.array(caps) + 6,
     ]
     return np.vstack([start + ring, end + ring]), np.vstack(faces)
 
@@ -83,24 +81,3 @@ def merge(*solids: Solid) -> Solid:
         np.vstack([vertices for vertices, _ in solids]),
         np.vstack([faces + offset for (_, faces), offset in zip(solids, offsets, strict=False)]),
     )
-
-
-def jack() -> Solid:
-    """Three thin bars through one point: a cross from every side."""
-    ends = 0.5 * np.eye(3)
-    return merge(*(bar(-end, end, 0.1, sides=3) for end in ends))
-
-
-def cube() -> Solid:
-    """A solid block, a little smaller, because it is all ink."""
-    signs = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], float)
-    quads = np.array([(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)])
-    return 0.33 * signs, np.vstack([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
-
-
-def ring() -> Solid:
-    """Two hoops across one another: hollow from every side."""
-    angles = np.linspace(0, 2 * np.pi, 9)
-    level = 0.5 * np.column_stack([np.cos(angles), np.sin(angles), np.zeros(9)])
-    upright = level[:, [2, 0, 1]]
-    return merge(*(bar(a, b, 0.08, sides=3) for hoop in (level, upright) for a, b in pairwise(hoop)))
