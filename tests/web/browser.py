@@ -37,7 +37,7 @@ def open_page(url: str, size: dict[str, int] = SIZE) -> Iterator:
         page = browser.new_page(viewport=size)
         page.set_default_timeout(60_000)
         page.goto(url)
-        page.get_by_text("Sensors").wait_for()
+        page.get_by_text("Sensors").first.wait_for()
         # The page warns those without a graphics card; in a picture of the view that is no news.
         page.add_style_tag(content=".mantine-Notifications-root { display: none }")
         try:

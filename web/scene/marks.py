@@ -16,8 +16,8 @@ from web.memory.claims import Claim
 from web.memory.flight import SeenFlight
 
 PIECE = 200  # marks of a finished piece
-MARK_PX, RATE_PX = 8.0, 4.0  # size on the screen; where only a rate is refused the place stands: smaller
-LINE_PX = 1.5
+MARK_PX, RATE_PX = 7.0, 4.0  # size on the screen; where only a rate is refused the place stands: smaller
+LINE_PX = 1.3
 AMISS = 1.25  # ratio by which a size may be wrong before it is sent anew
 
 
