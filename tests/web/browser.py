@@ -24,7 +24,10 @@ ARGS = [
 ]
 SETTLE_TRIES, SETTLED = 12, 0.5  # looks, and grey levels a pixel may still change by
 SIZE = {"width": 1400, "height": 900}
-SMALL = {"width": 1000, "height": 600}  # a third of the pixels, for what is rendered without a graphics card
+SMALL = {
+    "width": 1280,
+    "height": 640,
+}  # two thirds of the pixels, for what is rendered without a graphics card
 
 
 @contextmanager

@@ -186,9 +186,9 @@ def test_track_and_outliers_are_drawn_and_can_be_hidden(page):
     for box, count in (("outliers", red), ("newest", blue)):
         before = count(page)
         page.get_by_role("checkbox", name=box, exact=True).click()
-        assert until(lambda count=count, before=before: count(page) < before / 2), box
+        assert until(lambda count=count, before=before: count(page) < before * 0.7), box
         page.get_by_role("checkbox", name=box, exact=True).click()
-        assert until(lambda count=count, before=before: count(page) > before * 0.7), box
+        assert until(lambda count=count, before=before: count(page) > before * 0.9), box
 
 
 def test_the_track_takes_the_colour_of_a_quantity_with_its_scale(page):
@@ -196,9 +196,7 @@ def test_the_track_takes_the_colour_of_a_quantity_with_its_scale(page):
     before = blue(page)
     choose(page, "track colour", "speed")
     assert until(lambda: blue(page) < before / 2)
-    page.get_by_text(re.compile(r"^[\d.]+ m/s$")).or_(
-        page.get_by_text(re.compile("speed [0-9]"))
-    ).first.wait_for()
+    page.locator("[style*=linear-gradient]").wait_for()
     choose(page, "track colour", "plain")
     assert until(lambda: blue(page) > before * 0.7)
 

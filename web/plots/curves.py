@@ -183,6 +183,9 @@ def _errors(flight: SeenFlight, from_ns: int, to_ns: int) -> list[Plot]:
 def _column(flight: SeenFlight, sensor: str, channel: str, from_ns: int, to_ns: int) -> np.ndarray:
     """(n,) RESIDUAL of that time, those that may still be revised too, clipped for drawing."""
     settled = flight.residuals.of(sensor, channel, from_ns, to_ns)
+    refused = settled["kind"] > 0  # an hour is thinned before anything costs time
+    settled = np.concatenate([few(settled[refused], MOST), few(settled[~refused], 2 * MOST)])
+    settled = settled[np.argsort(settled["t_ns"], kind="stable")]
     pending = [
         (claim.t_ns, sigmas_off(claim.verdicts[channel]), KIND_OF[claim.verdicts[channel].verdict])
         for claim in flight.claims.pending()
