@@ -241,8 +241,9 @@ class Viewer:
         self._show(layer, shown=event.target.value)
 
     def _toggle(self, layer: str) -> None:
-        _set(self._boxes[layer], layer in self._hidden)
-        self._show(layer, shown=layer in self._hidden)
+        shown = layer in self._hidden
+        _set(self._boxes[layer], shown)
+        self._show(layer, shown=shown)
 
     def _set_camera(self, mode: str) -> None:
         _set(self._camera, mode)

@@ -196,7 +196,7 @@ def test_the_track_takes_the_colour_of_a_quantity_with_its_scale(page):
     before = blue(page)
     choose(page, "track colour", "speed")
     assert until(lambda: blue(page) < before / 2)
-    page.locator("[style*=linear-gradient]").wait_for()
+    page.locator(".gcs [style*=linear-gradient]").wait_for()
     choose(page, "track colour", "plain")
     assert until(lambda: blue(page) > before * 0.7)
 
@@ -317,7 +317,8 @@ def test_reset_view_brings_the_camera_back(page, view):
 
 def test_a_live_flight_is_looked_back_upon_by_one_viewer(page):
     live = opened(None)
-    other = page.context.new_page()
+    other = page.context.browser.new_page(viewport=browser.SMALL)
+    other.set_default_timeout(60_000)
     try:
         other.goto(live.url)
         other.get_by_text("14:13:59.9").wait_for()

@@ -50,6 +50,10 @@ class Aircraft:
         for node in (self._body, self._label, self._ellipsoid, self._protection):
             node.remove()
 
+    def hide(self) -> None:
+        for node in (self._body, self._label, self._ellipsoid, self._protection):
+            node.visible = False
+
     def move(self, state: State, distance_m: float) -> None:
         """Show ``state``, sized for a camera at that distance."""
         position, span_m = np.array(state.position_enu_m), max(LEAST_M, SIZE * distance_m)

@@ -103,6 +103,13 @@ class Picture:
     def clear(self) -> None:
         for trail in self._trails():
             trail.clear()
+        self.aircraft.hide()
+        self._wind.move(None, np.zeros(3), AFAR_M)
+        gone = ["/world/plumb"]
+        for instrument in self._scene.instruments:
+            gone += [f"/world/sights/{instrument.name}", f"/world/sights/{instrument.name}-refused"]
+        for name in gone:
+            self._lines.draw(name, np.zeros((0, 2, 3)), colours.GROUND, 1.0)
         self._dropped_ns = 0
 
     def _extend(self, trail: Trail, rows: list, more=None) -> None:
