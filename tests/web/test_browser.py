@@ -6,18 +6,13 @@ Skipped where Chromium or Playwright is missing.
 import importlib.util
 import math
 import re
-import socket
-import time
 from pathlib import Path
 
-import imageio.v3 as imageio
-import msgspec
 import numpy as np
 import pytest
-from viser.transforms import SO3
 
-from gcs.contract.messages import State
 from tests.web import browser, flight
+from tests.web.page import S, Tape, blue, canvas, choose, opened, picture, pixel, red, tab, until
 from web.panel.limits import Limits
 from web.view import View
 
@@ -30,45 +25,11 @@ MISSING = [
     if not found
 ]
 pytestmark = [pytest.mark.browser, pytest.mark.skipif(bool(MISSING), reason=f"needs {' and '.join(MISSING)}")]
-S = 1_000_000_000
-
-
-class Tape:
-    """A replay that only remembers what it was told."""
-
-    def __init__(self):
-        self.start_ns, self.end_ns = flight.START_NS, flight.START_NS + 60 * S
-        self.now_ns = flight.START_NS + 40 * S
-        self.playing, self.speed = True, 1.0
-
-    def play(self) -> None:
-        self.playing = True
-
-    def pause(self) -> None:
-        self.playing = False
-
-    def seek(self, t_ns: int) -> None:
-        self.now_ns = t_ns
-
-    def set_speed(self, speed: float) -> None:
-        self.speed = speed
 
 
 @pytest.fixture(scope="module")
 def tape() -> Tape:
     return Tape()
-
-
-def opened(playback: Tape | None) -> View:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
-    view = View(flight.SCENE, port=port, playback=playback)
-    for message, source in flight.messages(40.0):
-        if isinstance(message, State):
-            message = msgspec.structs.replace(message, protection_h_m=3.2, protection_v_m=6.4)
-        view.put(message, source)
-    return view
 
 
 @pytest.fixture(scope="module")
@@ -82,63 +43,6 @@ def view(tape):
 def page(view):
     with browser.open_page(view.url, browser.SMALL) as page:
         yield page
-
-
-def until(condition, timeout_s: float = 60.0) -> bool:
-    end_s = time.monotonic() + timeout_s
-    while not (met := condition()) and time.monotonic() < end_s:
-        time.sleep(0.1)
-    return bool(met)
-
-
-def tab(page, name: str) -> None:
-    page.get_by_role("tab", name=name, exact=True).click()
-
-
-def choose(page, label: str, option: str, nth: int = 0) -> None:
-    page.get_by_role("combobox", name=label, exact=True).or_(page.get_by_label(label, exact=True)).nth(
-        nth
-    ).click()
-    page.get_by_role("option", name=option, exact=True).click()
-
-
-def canvas(page) -> dict[str, float]:
-    """Left, top, width and height of the 3-D picture on the page; the plots are smaller canvases."""
-    return page.evaluate(
-        """() => [...document.querySelectorAll('canvas')].map(c => c.getBoundingClientRect())
-        .map(r => ({x: r.x, y: r.y, width: r.width, height: r.height}))
-        .sort((a, b) => b.width * b.height - a.width * a.height)[0]"""
-    )
-
-
-def picture(page) -> np.ndarray:
-    """(h, w, 3) int, the 3-D part of the page."""
-    box = canvas(page)
-    pixels = imageio.imread(page.screenshot(clip=box))[..., :3].astype(int)
-    return pixels
-
-
-def red(page) -> int:
-    """How many pixels have the isolated outliers' colour."""
-    r, g, b = np.moveaxis(picture(page), -1, 0)
-    return int(((r > 190) & (g < 130) & (b < 110) & (r - g > 90)).sum())
-
-
-def blue(page) -> int:
-    """How many pixels have the newest track's colour."""
-    r, _, b = np.moveaxis(picture(page), -1, 0)
-    return int(((b > 170) & (r < 110) & (b - r > 100)).sum())
-
-
-def pixel(page, view: View, place) -> tuple[float, float]:
-    """Where on the page a place of the world is seen."""
-    camera = next(iter(view._viewers.values())).camera
-    seen = camera._client.camera
-    right, down, ahead = SO3(seen.wxyz).inverse().apply(np.asarray(place) + camera.offset - seen.position)
-    box = canvas(page)
-    focal = box["height"] / 2 / math.tan(seen.fov / 2)
-    x, y = focal * right / ahead + box["width"] / 2, focal * down / ahead + box["height"] / 2
-    return box["x"] + x, box["y"] + y
 
 
 def test_the_panel_tells_the_flight(page):
@@ -252,7 +156,7 @@ def test_pause_steps_and_events(page, tape):
 
 
 def test_keys(page, tape, view):
-    page.mouse.move(400, 300)
+    page.evaluate("document.activeElement.blur()")  # keys typed into a field are text
     page.keyboard.press("Space")
     assert until(lambda: not tape.playing)
     here_ns = tape.now_ns
@@ -278,6 +182,7 @@ def test_at_the_end_play_begins_anew(page, tape):
 
 
 def test_arrow_keys_seek(page, tape):
+    tab(page, "Flight")
     slider = page.locator("[role=slider]").first
     tape.now_ns = tape.start_ns + 40 * S
     assert until(lambda: slider.get_attribute("aria-valuenow") == "40")
