@@ -74,11 +74,11 @@ def station(*, replay: bool) -> Iterator[subprocess.Popen]:
         process = subprocess.Popen(
             [sys.executable, "-m", "gcs", *command, "--station", str(SAMPLE / "station.toml"), "--out", out,
              *(word for setting in settings for word in ("--config", setting))],
-            cwd=ROOT, stdout=subprocess.PIPE, text=True,
+            cwd=ROOT, stderr=subprocess.PIPE, text=True,
         )  # fmt: skip
         try:
-            assert process.stdout
-            while process.poll() is None and "view:" not in process.stdout.readline():
+            assert process.stderr
+            while process.poll() is None and "view:" not in process.stderr.readline():
                 pass
             yield process
         finally:
