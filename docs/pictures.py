@@ -29,7 +29,7 @@ SAMPLE, PORT = ROOT / "logs" / "sample", 26_090
 BUS, MAVLINK = "tcp/127.0.0.1:26091", "udpin:127.0.0.1:26092"
 SMALL, LARGE = {"width": 1280, "height": 720}, {"width": 1920, "height": 1080}
 WIDE_PX = 1280  # pictures of the large window are made smaller for the page
-COLOURS = 64  # of a palette: a third of the bytes
+COLOURS = 128  # of a palette: a third of the bytes
 
 
 class Shot(NamedTuple):
@@ -136,7 +136,7 @@ def save(png: bytes, path: Path) -> None:
         picture = picture.resize(
             (WIDE_PX, picture.height * WIDE_PX // picture.width), Image.Resampling.LANCZOS
         )
-    picture.quantize(COLOURS, dither=Image.Dither.NONE).save(path, optimize=True)
+    picture.quantize(COLOURS, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE).save(path, optimize=True)
 
 
 SHOTS = {

@@ -30,7 +30,7 @@ def _bar(choice: str, scale: Scale | None) -> str:
         return ""
     steps = ",".join(css((int(r), int(g), int(b))) for r, g, b in RAMP)
     return (
-        f'<div style="display:flex;gap:0.5em;align-items:center">{choice} {scale.low:.3g}'
+        f'<div style="display:flex;gap:0.5em;align-items:center">{choice} {scale.low:.1f}'
         f'<span style="flex:1;height:0.8em;background:linear-gradient(to right,{steps})"></span>'
-        f"{scale.high:.3g} {UNITS[choice]}</div>"
+        f"{scale.high:.1f} {UNITS[choice]}</div>"
     )

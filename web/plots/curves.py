@@ -1,5 +1,6 @@
 """What the plots show: columns out of what the page keeps. At most ``MOST`` points each, no drawing."""
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -69,6 +70,23 @@ def residuals(flight: SeenFlight, sensor: str, channels: Sequence[str], from_ns:
     rows = np.concatenate([column[column["kind"] > 0] for column in columns])
     curves.append(Curve("refused", colours.OUTLIER, MARKS, _at(times, rows["t_ns"], rows["sigmas"])))
     return Plot(sensor, _seconds(flight, times), curves, (-CLIP - 1.0, CLIP + 1.0), levels=LEVELS)
+
+
+def reach(plot: Plot) -> tuple[float, float]:
+    """What the y axis has to show, to round numbers; the browser chooses badly where a value is missing."""
+    if plot.y_range:
+        return plot.y_range
+    values = np.concatenate([curve.y for curve in plot.curves])
+    values = values[np.isfinite(values)]
+    if plot.log:
+        values = values[values > 0.0]
+    if not len(values):
+        return 0.1, 1.0
+    low, high = float(values.min()), float(values.max())
+    if plot.log:
+        return 10.0 ** math.floor(math.log10(low)), 10.0 ** (math.floor(math.log10(high)) + 1)
+    step = 10.0 ** math.floor(math.log10(max(high - low, 1e-6)))
+    return step * math.floor(low / step), step * (math.floor(high / step) + 1)
 
 
 def few(rows: np.ndarray, most: int) -> np.ndarray:

@@ -42,6 +42,8 @@ class Charts:
                 for new, old in zip(data, handle.data, strict=True)
             ):
                 handle.data = data
+            if handle.scales != (scales := _scales(plot)):
+                handle.scales = scales
 
     def clear(self) -> None:
         for handle in self._shown.values():
@@ -49,11 +51,6 @@ class Charts:
         self._shown = {}
 
     def _make(self, plot: Plot) -> viser.GuiUplotHandle:
-        scales: dict[str, uplot.Scale] = {"x": {"time": False}}
-        if plot.y_range:
-            scales["y"] = {"range": plot.y_range}
-        elif plot.log:
-            scales["y"] = {"distr": 3}
         bands = [i + 1 for i, curve in enumerate(plot.curves) if curve.style == BAND][::2]
         filled: list[uplot.Band] = [
             {"series": (i, i + 1), "fill": _clear(plot.curves[i - 1].colour)} for i in bands
@@ -62,7 +59,7 @@ class Charts:
             _data(plot),
             ({"label": "s"}, *(_series(curve) for curve in plot.curves)),
             title=plot.title,
-            scales=scales,
+            scales=_scales(plot),
             bands=tuple(filled) or None,
             axes=({}, {"splits": plot.levels, "grid": GRID, "size": 40} if plot.levels else {"size": 40}),
             cursor={"sync": {"key": "flight"}},
@@ -111,6 +108,10 @@ class Dock:
 
 def _data(plot: Plot) -> tuple[np.ndarray, ...]:
     return (plot.x_s, *(curve.y.astype(float) for curve in plot.curves))
+
+
+def _scales(plot: Plot) -> dict[str, uplot.Scale]:
+    return {"x": {"time": False}, "y": {"range": curves.reach(plot), "distr": 3 if plot.log else 1}}
 
 
 def _series(curve: curves.Curve) -> uplot.Series:

@@ -14,5 +14,5 @@ def test_sensors_shapes_and_the_factor_are_named():
 
 def test_a_painted_track_has_its_scale():
     said = legend.shown(SCENE, 1, "speed", Scale(12.0, 34.5))
-    for text in ("gradient", "speed 12", "34.5 m/s"):
+    for text in ("gradient", "speed 12.0", "34.5 m/s"):
         assert text in said

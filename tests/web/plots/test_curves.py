@@ -79,3 +79,16 @@ def test_errors_have_a_band_of_one_sigma_and_clocks_are_in_milliseconds():
     high, low, value = plot.curves
     assert plot.title == "clock, ms"
     np.testing.assert_allclose((low.y[0], value.y[0], high.y[0]), (15.0, 20.0, 25.0))
+
+
+@pytest.mark.parametrize(
+    ("y", "log", "ends"),
+    [
+        ([np.nan, 12.0, 67.0], False, (10.0, 70.0)),
+        ([0.03, np.nan, 5.0], True, (0.01, 10.0)),
+        ([np.nan], False, (0.1, 1.0)),
+    ],
+)
+def test_the_axis_reaches_round_numbers_whatever_is_missing(y, log, ends):
+    curve = curves.Curve("c", (0, 0, 0), curves.DOTS, np.array(y))
+    np.testing.assert_allclose(curves.reach(curves.Plot("p", np.arange(len(y)), [curve], log=log)), ends)
