@@ -34,11 +34,11 @@ class Lines:
                 self._shown.pop(name).remove()
         elif shown and np.array_equal(shown.points, np.asarray(segments, np.float32)) and same(shown, colour):
             return  # what the browser has already is not sent again
-        elif shown:
+        elif shown and shown.colors.ndim == 1 and not isinstance(colour, np.ndarray):
             shown.points = np.asarray(segments, np.float32)
-            if isinstance(colour, np.ndarray) or shown.colors.ndim > 1:
+            if not same(shown, colour):
                 shown.colors = np.asarray(colour, np.uint8)
-        else:
+        else:  # also where each end has a colour: points and colours must come as one
             self._shown[name] = self._api.add_line_segments(
                 name, segments, colour, thickness=width, thickness_units=units
             )
