@@ -34,4 +34,6 @@ def test_ends_take_the_ends_of_the_ramp_and_the_unknown_is_grey():
     np.testing.assert_array_equal(painted[1, 1], colours.RAMP[-1])
     np.testing.assert_array_equal(painted[2, 0], colours.RAMP[-1])
     np.testing.assert_array_equal(painted[3, 0], colours.GROUND)
-    assert paint.paint(PLAIN, None, told) == colours.FILTERED
+    plain = paint.paint(PLAIN, None, told)
+    assert plain.shape == (4, 2, 3)
+    assert (plain == colours.FILTERED).all()
