@@ -85,7 +85,14 @@ EXAMPLES: dict[str, Any] = {  # by field, by Type.field where that is not enough
     "vehicle": "uav1",
     "name": "theo-north",
     "kind": "theodolite",
+    "errors": {"azimuth": {"value": -0.0081, "sigma": 0.0012, "unit": "deg", "known": True}},
 }
+PARTS = (  # held by messages
+    contract.SensorHealth,
+    contract.SystematicError,
+    contract.PartHealth,
+    contract.Instrument,
+)
 
 
 def page() -> str:
@@ -99,7 +106,8 @@ def section(kind: type) -> str:
     text = re.sub(r"\[[^][{}]*\]", lambda found: re.sub(r"\s+", " ", found[0]), text)  # numbers on one line
     text = re.sub(r"(0\.0, ){9,}0\.0", "…", text)
     doc = " ".join((inspect.getdoc(kind) or "").split())
-    fields = "".join(table(part) for part in (kind, *parts(kind)))
+    deeper = [inner for part in parts(kind) for inner in parts(part)]
+    fields = "".join(table(part) for part in (kind, *parts(kind), *deeper))
     return f"\n## {kind.__name__}\n\n{doc}\n\nKey: {KEYS[kind.__name__]}\n\n{fields}```json\n{text}\n```\n"
 
 
@@ -119,8 +127,7 @@ def table(kind: type) -> str:
 def parts(kind: type) -> list[type]:
     """The types of ours that its fields hold."""
     shown = " ".join(str(field.type) for field in msgspec.structs.fields(kind))
-    ours = (contract.SensorHealth, contract.PartHealth, contract.Instrument)
-    return [part for part in ours if f".{part.__name__}" in shown]
+    return [part for part in PARTS if f".{part.__name__}" in shown]
 
 
 def example(kind: type) -> Any:
@@ -129,7 +136,7 @@ def example(kind: type) -> Any:
     for field in msgspec.structs.fields(kind):
         named = EXAMPLES.get(f"{kind.__name__}.{field.name}", EXAMPLES.get(field.name))
         inner = next((part for part in parts(kind) if f".{part.__name__}" in str(field.type)), None)
-        if inner:
+        if inner and named is None:
             name = {"sensors": "theo-north", "parts": "mavlink"}.get(field.name)
             values[field.name] = {name: example(inner)} if name else [example(inner)]
         elif named is not None:

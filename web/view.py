@@ -6,30 +6,30 @@ The page has no password: it binds to 127.0.0.1 only, put a proxy in front for a
 
 import contextlib
 import io
+import sys
 import threading
-import time
+import traceback
 from collections import deque
-from collections.abc import Collection
-from functools import partial
+from collections.abc import Callable, Collection
 from typing import TYPE_CHECKING
 
 import viser
 
-from gcs.contract.messages import ANY, Event, Health, InputError, Scene, State, Verdict, Wind
+from gcs.contract.messages import ANY, InputError, Scene
 from gcs.contract.supervision import Part
-from web import colours, panel
-from web.controls import Playable, Player
+from web.memory.flight import SeenFlight
 from web.origins import only
-from web.scene import LAYERS, Picture
+from web.panel.limits import Limits
+from web.panel.player import Playable
+from web.scene.picture import Picture
+from web.viewer import Viewer
 
 if TYPE_CHECKING:  # zenoh is loaded by whoever opens the bus
     from gcs.contract.bus import Bus
 
 QUEUE = 200_000  # messages; at more than a million a minute the oldest are skipped, counted and shown
 PERIOD_S = 0.1
-PANEL_PERIODS = 3  # the panel is read by people: three times a second is enough
-EVENTS = 3
-NAMES = {"sight": "lines of sight", "ellipsoid": "3σ ellipsoid", "raw": "raw points"}
+NEAR_M, FAR_M, FOV = 1.0, 100_000.0, 0.9  # of the first camera
 
 
 class ViewError(InputError):
@@ -37,7 +37,7 @@ class ViewError(InputError):
 
 
 class View:
-    """A page with the picture and the panel. With ``playback`` it also steers a replay."""
+    """A page for any number of viewers. With ``playback`` they also steer a replay."""
 
     def __init__(
         self,
@@ -53,21 +53,22 @@ class View:
             self._stop_server()
             raise ViewError(f"port {port} is in use: stop the program that holds it, or take another port")
         self.url = f"http://127.0.0.1:{port}"
-        self._scene = scene
+        self.flight, self.playback, self.limits = SeenFlight(scene), playback, Limits()
+        self.dark = False
         self._queue: deque = deque(maxlen=QUEUE)
+        self._todo: deque[Callable[[], None]] = deque()
         self._skipped = 0
-        self._state: State | None = None
-        self._arrived_s = 0.0
-        self._health: Health | None = None
-        self._wind: Wind | None = None
-        self._events: deque[Event] = deque(maxlen=EVENTS)
+        self._failures: deque[str] = deque(maxlen=3)
+        self._viewers: dict[int, Viewer] = {}
         self._stop = threading.Event()
-        self._set_stage()
-        self._picture = Picture(self._server, scene)
-        self._theme(dark=False)
-        self._build_panel(playback)
-        self._server.on_client_connect(self._picture.cameras.look)
-        self.part = Part("view", self._run, self._stop)  # drawing that fails is logged, and goes on
+        self._server.scene.set_up_direction("+z")
+        camera = self._server.initial_camera
+        camera.near, camera.far, camera.fov = NEAR_M, FAR_M, FOV
+        self.picture = Picture(self._server, self.flight)
+        self.set_dark(dark=False)
+        self._server.on_client_connect(lambda client: self.soon(lambda: self._welcome(client)))
+        self._server.on_client_disconnect(lambda client: self.soon(lambda: self._leave(client)))
+        self.part = Part("view", self._run, self._stop)
         self.part.start()
 
     def put(self, message: ANY, source: str = "") -> None:
@@ -77,7 +78,7 @@ class View:
         self._queue.append((message, source))
 
     def clear(self) -> None:
-        """Forget the trails, for example after a seek backwards; what follows starts new ones."""
+        """Forget the flight, for example after a seek backwards; what follows starts a new one."""
         self._queue.clear()
         self._queue.append((None, "clear"))
 
@@ -86,90 +87,69 @@ class View:
         self.part.join()
         self._stop_server()
 
+    def soon(self, act: Callable[[], None]) -> None:
+        """Do it in the thread that draws."""
+        self._todo.append(act)
+
+    def set_dark(self, *, dark: bool) -> None:
+        self.dark = dark
+        self._server.gui.configure_theme(
+            control_width="large", dark_mode=dark, show_logo=False, show_share_button=False
+        )
+        self.picture.set_dark(dark=dark)
+
+    def notes(self) -> list[str]:
+        """What the page has to say of itself."""
+        skipped = f"the view skipped {self._skipped} messages: data come faster than it draws"
+        return ([skipped] if self._skipped else []) + list(self._failures)
+
     def _stop_server(self) -> None:
         with _hush():
             self._server.stop()
 
-    def _set_stage(self) -> None:
-        self._server.scene.set_up_direction("+z")
-        self._server.gui.set_panel_label("Ground station")
-        self._server.gui.main_panel.dock_right()
+    def _welcome(self, client: viser.ClientHandle) -> None:
+        self._viewers[client.client_id] = Viewer(client, self)
 
-    def _theme(self, *, dark: bool) -> None:
-        self._server.gui.configure_theme(
-            control_width="large",
-            dark_mode=dark,
-            show_logo=False,
-            show_share_button=False,
-        )
-        self._picture.aircraft.set_dark(dark=dark)
-
-    def _build_panel(self, playback: Playable | None) -> None:
-        gui = self._server.gui
-        gui.add_html(panel.title(self._scene))
-        self._status = gui.add_html("")
-        self._player = Player(gui, playback) if playback else None
-        with gui.add_folder("Sensors"):
-            self._sensors = gui.add_html("")
-        with gui.add_folder("Events"):
-            self._log = gui.add_html("")
-        with gui.add_folder("Show"):
-            self._legend = gui.add_html("")
-            gui.add_button("Reset view").on_click(self._reset_view)
-            gui.add_checkbox("follow aircraft", False).on_update(
-                lambda event: self._picture.cameras.set_follow(follow=event.target.value)
-            )
-            for name in LAYERS:
-                box = gui.add_checkbox(NAMES.get(name, name), True)
-                box.on_update(partial(self._show, name))
-            gui.add_checkbox("dark", False).on_update(lambda event: self._theme(dark=event.target.value))
-
-    def _reset_view(self, event: viser.GuiEvent) -> None:
-        if event.client:
-            self._picture.cameras.look(event.client)
-
-    def _show(self, layer: str, event: viser.GuiEvent) -> None:
-        self._picture.layers[layer].visible = event.target.value
+    def _leave(self, client: viser.ClientHandle) -> None:
+        self._viewers.pop(client.client_id, None)
 
     def _run(self, stop: threading.Event) -> None:
-        tick = 0
         while not stop.wait(PERIOD_S):
-            for _ in range(len(self._queue)):
-                self._take(*self._queue.popleft())
-            self._picture.update()
-            if tick % PANEL_PERIODS == 0:
-                self._write_panel(tick)
-            tick += 1
+            for step in (self._take_all, self._act, self._draw, *self._refreshers()):
+                try:
+                    step()
+                except Exception as error:  # whatever fails, the rest of the page goes on and says so
+                    self._fail(error)
 
-    def _take(self, message, source: str) -> None:
-        match message:
-            case None:
-                self._picture.clear()
-                self._events.clear()
-                self._wind = None
-            case Wind():
-                self._wind = message
-            case Health():
-                self._health = message
-            case Event():
-                self._events.append(message)
-            case State() | Verdict():
-                self._picture.take(message, source)
-        if isinstance(message, State) and source != "smoothed":
-            self._state, self._arrived_s = message, time.monotonic()
+    def _fail(self, error: Exception) -> None:
+        line = f"the page failed to draw something: {type(error).__name__}: {error}"
+        if line not in self._failures:
+            self._failures.append(line)
+            print(f"view: {line}", file=sys.stderr)
+            traceback.print_exception(error)
 
-    def _write_panel(self, tick: int) -> None:
-        if self._player:
-            self._player.update()
-        mode = self._player.mode() if self._player else "LIVE"
-        age_s = time.monotonic() - self._arrived_s
-        word, colour = panel.badge(self._state, age_s, mode)
-        stale = colour == colours.BAD
-        self._picture.aircraft.say(f"{self._scene.vehicle} · {word}" if stale else self._scene.vehicle)
-        self._status.content = panel.status(self._scene, self._state, self._wind, word, colour, tick)
-        self._sensors.content = panel.sensors(self._scene, self._health, self._state)
-        self._legend.content = panel.legend(self._scene, self._picture.aircraft.factor)
-        self._log.content = panel.events(list(self._events), self._skipped)
+    def _take_all(self) -> None:
+        for _ in range(len(self._queue)):
+            message, source = self._queue.popleft()
+            if message is None:
+                self.flight.clear()
+                self.picture.clear()
+                for viewer in self._viewers.values():
+                    viewer.clear()
+            else:
+                self.flight.take(message, source)
+        self.flight.settle()
+
+    def _act(self) -> None:
+        for _ in range(len(self._todo)):
+            self._todo.popleft()()
+
+    def _draw(self) -> None:
+        eyes = [viewer.camera.eye() for viewer in self._viewers.values()]
+        self.picture.update(self.flight.state, eyes)
+
+    def _refreshers(self) -> list[Callable[[], None]]:
+        return [viewer.refresh for viewer in self._viewers.values()]
 
 
 def _hush() -> contextlib.redirect_stdout:
@@ -177,9 +157,13 @@ def _hush() -> contextlib.redirect_stdout:
     return contextlib.redirect_stdout(io.StringIO())
 
 
-def run(bus: "Bus", port: int = 8080, stop: threading.Event | None = None) -> None:
-    """The view alone, on the bus: waits for the station's ``Scene``, then shows all until ``stop``."""
-    stop = stop or threading.Event()
+def run(
+    bus: "Bus", port: int, stop: threading.Event, opened: Callable[[str], None], origins: Collection[str] = ()
+) -> None:
+    """The view alone, on the bus: waits for the station's ``Scene``, then shows all until ``stop``.
+
+    ``opened`` is told the page's address.
+    """
     scenes, smoothed = bus.subscribe("scene"), bus.subscribe("smoothed")
     rest = bus.subscribe("state", "verdict/*", "wind", "health", "event")
     scene = None
@@ -187,7 +171,8 @@ def run(bus: "Bus", port: int = 8080, stop: threading.Event | None = None) -> No
         scene = next((message for _, message in scenes.drain(0.5) if isinstance(message, Scene)), None)
     if scene is None:
         return
-    view = View(scene, port=port)
+    view = View(scene, port=port, origins=origins)
+    opened(view.url)
     try:
         while not stop.is_set():
             for _, message in rest.drain(0.05):

@@ -17,6 +17,7 @@ COMMANDS = {
     "report": "A run folder as one HTML page that opens offline: tables, figures, verdict, a place to sign.",
     "compare": "Two runs, or a run and a truth file: how far they are apart, and whether the sigmas hold.",
     "demo": "The sample flight with theodolites and a radar, live through Zenoh, in the browser.",
+    "view": "The page alone, on any machine, showing what a station publishes.",
     "screen": "One raw feed, channel by channel, without a trajectory: cleaned feed, flags and a picture.",
     "train": "Train the correction network and test it on flights it has never seen.",
     "doctor": "Check Python, packages, station file, ports, listeners, router and clock before a flight.",

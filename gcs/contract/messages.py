@@ -145,6 +145,15 @@ class Wind(_Message, frozen=True, kw_only=True):
     own_from_deg: float | None = None
 
 
+class SystematicError(msgspec.Struct, frozen=True, kw_only=True):
+    """One systematic error of a sensor, as the station estimates it now."""
+
+    value: float
+    sigma: float  # 1 sigma
+    unit: str  # m | deg | m/s | s
+    known: bool  # the flight has shown it: sigma is well below what was assumed beforehand
+
+
 class SensorHealth(msgspec.Struct, frozen=True, kw_only=True):
     """One sensor's part of ``Health``."""
 
@@ -155,6 +164,7 @@ class SensorHealth(msgspec.Struct, frozen=True, kw_only=True):
     alive: bool  # liveliness token present; files are alive until their end
     rows: int = 0  # channel values since the start
     outliers: int = 0
+    errors: dict[str, SystematicError] = {}  # by channel, and the clock or the latency
 
 
 class PartHealth(msgspec.Struct, frozen=True, kw_only=True):

@@ -8,7 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
-from gcs.contract.messages import VERDICTS, Event, Health, PartHealth, SensorHealth
+from gcs.contract.messages import VERDICTS, Event, Health, PartHealth, SensorHealth, SystematicError
 from gcs.station.session import Update
 
 SPAN_NS = 10_000_000_000
@@ -161,11 +161,10 @@ class Monitor:
             told += self._silences()
         if self.now_ns >= self._next_ns:
             self._next_ns = self.now_ns + PERIOD_NS
-            sensors = {name: self._health(name) for name in self._sensors}
-            queue_age_s = self._feeds.queue_age_s()
-            told.append(
-                Health(t_ns=self.now_ns, sensors=sensors, queue_age_s=queue_age_s, parts=self._parts())
-            )
+            found = update.report().get("sensors", {})
+            sensors = {name: self._health(name, found.get(name, {})) for name in self._sensors}
+            queue_age_s, parts = self._feeds.queue_age_s(), self._parts()
+            told.append(Health(t_ns=self.now_ns, sensors=sensors, queue_age_s=queue_age_s, parts=parts))
         return told
 
     def ages_s(self, t_ns: int) -> dict[str, float]:
@@ -183,7 +182,7 @@ class Monitor:
             return self._data_ns
         return (self._data_ns + round(idle_s * 1e9)) if self._data_ns else time.time_ns()
 
-    def _health(self, name: str) -> SensorHealth:
+    def _health(self, name: str, found: dict) -> SensorHealth:
         tally = self._tallies[name]
         tally.forget(self.now_ns)
         return SensorHealth(
@@ -194,6 +193,7 @@ class Monitor:
             alive=self._feeds.alive(name),
             rows=tally.rows,
             outliers=tally.outliers,
+            errors={error: _systematic(**told) for error, told in found.get("errors", {}).items()},
         )
 
     def _restarts(self, update: Update) -> Iterator[Event]:
@@ -224,3 +224,10 @@ class Monitor:
 
     def _event(self, level: str, text: str) -> Event:
         return Event(t_ns=self.now_ns, level=level, text=text)
+
+
+def _systematic(value: float, sigma: float, unit: str, *, observable: bool, **_) -> SystematicError:
+    """An entry of the estimator's report; angles become degrees."""
+    turn = float(np.degrees(1.0)) if unit == "rad" else 1.0
+    unit = "deg" if unit == "rad" else unit
+    return SystematicError(value=value * turn, sigma=sigma * turn, unit=unit, known=observable)

@@ -24,7 +24,10 @@ ARGS = [
 ]
 SETTLE_TRIES, SETTLED = 12, 0.5  # looks, and grey levels a pixel may still change by
 SIZE = {"width": 1400, "height": 900}
-SMALL = {"width": 1000, "height": 600}  # a third of the pixels, for what is rendered without a graphics card
+SMALL = {
+    "width": 1280,
+    "height": 640,
+}  # two thirds of the pixels, for what is rendered without a graphics card
 
 
 @contextmanager
@@ -37,7 +40,7 @@ def open_page(url: str, size: dict[str, int] = SIZE) -> Iterator:
         page = browser.new_page(viewport=size)
         page.set_default_timeout(60_000)
         page.goto(url)
-        page.get_by_text("Sensors").wait_for()
+        page.get_by_text("Sensors").first.wait_for()
         # The page warns those without a graphics card; in a picture of the view that is no news.
         page.add_style_tag(content=".mantine-Notifications-root { display: none }")
         try:

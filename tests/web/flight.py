@@ -82,21 +82,21 @@ def _state(t_ns: int, seq: int, error: np.ndarray) -> State:
 
 def _verdict(t_ns: int, i: int, sensor: str, noise_m: float, rng: np.random.Generator) -> Verdict:
     here = _truth(t_ns)[0] + rng.normal(0, noise_m, 3)
-    verdict = "used"
+    verdict, off = "used", float(rng.normal(0, noise_m))
     if sensor != "ins" and rng.random() < 0.025:
-        verdict, here = "isolated", here + rng.normal(0, 90, 3)
+        verdict, here, off = "isolated", here + rng.normal(0, 90, 3), 90.0
     if sensor == "theo-south" and 300 <= i < 312:
-        verdict, here = "patch", here + np.array([70.0, -40.0, 30.0])
+        verdict, here, off = "patch", here + np.array([70.0, -40.0, 30.0]), 86.0
     return Verdict(
         t_ns=t_ns,
         sensor=sensor,
         channel="e" if sensor == "ins" else "range",
-        value=1.0,
-        predicted=1.0,
-        sigma=1.0,
+        value=800.0 + off,
+        predicted=800.0,
+        sigma=noise_m,
         weight=float(verdict == "used"),
         verdict=verdict,
-        reason="",
+        reason="" if verdict == "used" else f"innovation ({off / noise_m:.1f} sigma)",
         position_enu_m=tuple(here.tolist()),
     )
 

@@ -1,4 +1,4 @@
-"""The page in headless Chromium: what is on it, and what its buttons do.
+"""The page in headless Chromium: what is on it, and what every control, key and click does.
 
 Skipped where Chromium or Playwright is missing.
 """
@@ -6,15 +6,14 @@ Skipped where Chromium or Playwright is missing.
 import importlib.util
 import math
 import re
-import socket
-import time
 from pathlib import Path
 
-import imageio.v3 as imageio
 import numpy as np
 import pytest
 
 from tests.web import browser, flight
+from tests.web.page import S, Tape, blue, canvas, choose, opened, picture, pixel, red, tab, until
+from web.panel.limits import Limits
 from web.view import View
 
 MISSING = [
@@ -28,27 +27,6 @@ MISSING = [
 pytestmark = [pytest.mark.browser, pytest.mark.skipif(bool(MISSING), reason=f"needs {' and '.join(MISSING)}")]
 
 
-class Tape:
-    """A replay that only remembers what it was told."""
-
-    def __init__(self):
-        self.start_ns, self.end_ns = flight.START_NS, flight.START_NS + 60_000_000_000
-        self.now_ns = flight.START_NS + 40_000_000_000
-        self.playing, self.speed = True, 1.0
-
-    def play(self) -> None:
-        self.playing = True
-
-    def pause(self) -> None:
-        self.playing = False
-
-    def seek(self, t_ns: int) -> None:
-        self.now_ns = t_ns
-
-    def set_speed(self, speed: float) -> None:
-        self.speed = speed
-
-
 @pytest.fixture(scope="module")
 def tape() -> Tape:
     return Tape()
@@ -56,12 +34,7 @@ def tape() -> Tape:
 
 @pytest.fixture(scope="module")
 def view(tape):
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
-    view = View(flight.SCENE, port=port, playback=tape)
-    for message, source in flight.messages(40.0):
-        view.put(message, source)
+    view = opened(tape)
     yield view
     view.close()
 
@@ -72,35 +45,18 @@ def page(view):
         yield page
 
 
-def until(condition, timeout_s: float = 40.0) -> bool:
-    end_s = time.monotonic() + timeout_s
-    while not (met := condition()) and time.monotonic() < end_s:
-        time.sleep(0.1)
-    return bool(met)
-
-
-def picture(page) -> np.ndarray:
-    """(h, w, 3) int, the 3-D part of the page."""
-    pixels = imageio.imread(page.screenshot())[..., :3].astype(int)
-    return pixels[:, : pixels.shape[1] * 3 // 5]
-
-
-def red(page) -> int:
-    """How many pixels have the outliers' colour."""
-    r, g, b = np.moveaxis(picture(page), -1, 0)
-    return int(((r > 190) & (g < 130) & (b < 110) & (r - g > 90)).sum())
-
-
-def blue(page) -> int:
-    """How many pixels have the filtered trajectory's colour."""
-    r, _, b = np.moveaxis(picture(page), -1, 0)
-    return int(((b > 170) & (r < 110) & (b - r > 100)).sum())
-
-
 def test_the_panel_tells_the_flight(page):
-    for text in ("uav1", "theo-north", "theo-south", "radar-west", "8.3%", "12 azimuths in a row refused"):
-        page.get_by_text(text).first.wait_for()
     page.get_by_text("14:13:59.9").wait_for()  # START_NS and 39.9 s, in UTC
+    tab(page, "Sensors")
+    for text in ("theo-north", "theo-south", "radar-west", "8.3%"):
+        page.get_by_text(text).first.wait_for()
+    tab(page, "Events")
+    page.get_by_text("12 azimuths in a row refused").first.wait_for()
+    choose(page, "show", "errors")
+    page.get_by_text("none yet").wait_for()
+    choose(page, "show", "all")
+    tab(page, "Flight")
+    page.get_by_text("even if one sensor lies").wait_for()
 
 
 def test_the_tab_names_range_and_vehicle(page):
@@ -112,77 +68,182 @@ def test_old_data_are_called_old(page):
     page.get_by_text(re.compile(r"DATA \d+\.\d s OLD")).wait_for()
 
 
-def test_trajectory_and_outliers_are_drawn_and_can_be_hidden(page):
-    assert until(lambda: red(page) > 200 and blue(page) > 400)
-    for box, count in (("outliers", red), ("filtered", blue)):
+def test_the_position_is_told_as_an_instrument_has_to_point(page):
+    tab(page, "Flight")
+    choose(page, "position as", "radar-west")
+    page.get_by_text("true azimuth", exact=True).wait_for()
+    choose(page, "position as", "East North Up")
+
+
+def test_a_limit_that_is_broken_alarms(page, view):
+    tab(page, "Limits")
+    page.get_by_label("height within m").fill("5")
+    page.get_by_label("height within m").press("Enter")
+    page.get_by_text("height holds within 6.4 m, 5 m is demanded").wait_for()
+    view.limits = Limits(protection_v_m=9.0, silent_s=0.0)
+    page.get_by_text("within all limits").wait_for()
+
+
+def test_track_and_outliers_are_drawn_and_can_be_hidden(page):
+    tab(page, "Show")
+    assert until(lambda: red(page) > 100 and blue(page) > 400)
+    for box, count in (("outliers", red), ("newest", blue)):
         before = count(page)
-        page.get_by_role("checkbox", name=box).click()
-        assert until(lambda count=count, before=before: count(page) < before / 4), box
-        page.get_by_role("checkbox", name=box).click()
-        assert until(lambda count=count, before=before: count(page) > before / 2), box
+        page.get_by_role("checkbox", name=box, exact=True).click()
+        assert until(lambda count=count, before=before: count(page) < before * 0.7), box
+        page.get_by_role("checkbox", name=box, exact=True).click()
+        assert until(lambda count=count, before=before: count(page) > before * 0.9), box
 
 
-def test_pause_and_play(page, tape):
-    page.get_by_role("button", name="Pause").click()
+def test_the_track_takes_the_colour_of_a_quantity_with_its_scale(page):
+    tab(page, "Show")
+    before = blue(page)
+    choose(page, "track colour", "speed")
+    assert until(lambda: blue(page) < before / 2)
+    page.locator(".gcs [style*=linear-gradient]").wait_for()
+    choose(page, "track colour", "plain")
+    assert until(lambda: blue(page) > before * 0.7)
+
+
+def test_a_clicked_outlier_tells_why(page, view):
+    chosen = next(claim for claim in view.flight.outliers if claim.kind == "isolated")
+    page.mouse.click(*pixel(page, view, chosen.position))
+    page.get_by_text("too far from what everything else says").first.wait_for()
+    page.get_by_text("the others then").wait_for()
+    page.get_by_role("button", name="Close").click()
+    assert until(lambda: not page.get_by_text("the others then").is_visible())
+
+
+def test_a_click_on_the_track_seeks_there(page, view, tape):
+    places = view.flight.newest.view
+    clear = [claim.position for claim in view.flight.outliers]
+    at = max(range(0, len(places), 5), key=lambda k: _away(page, view, places[k], clear))
+    page.mouse.click(*pixel(page, view, places["position_enu_m"][at]))
+    assert until(lambda: abs(tape.now_ns - int(places["t_ns"][at])) < 2 * S)
+    tape.now_ns = tape.start_ns + 40 * S
+
+
+def _away(page, view: View, row: np.void, others: list) -> float:
+    here = np.array(pixel(page, view, row["position_enu_m"]))
+    return min(float(np.linalg.norm(here - pixel(page, view, other))) for other in others)
+
+
+def test_the_plots_change_with_what_is_chosen(page):
+    for choice, title in (
+        ("height and speed", "height above the origin, m"),
+        ("sigma and protection", "sigma and protection level, m"),
+        ("residuals in σ", "radar-west"),
+    ):
+        choose(page, "Show", choice)
+        page.locator(".u-title").filter(has_text=title).first.wait_for()
+    choose(page, "Over", "whole flight")
+
+
+def test_pause_steps_and_events(page, tape):
+    tab(page, "Flight")
+    page.get_by_role("button", name="pause").click()
     page.get_by_text("PAUSED").wait_for()
     assert not tape.playing
-    page.get_by_role("button", name="Play").click()
-    page.get_by_role("button", name="Pause").wait_for()
+    here_ns = tape.now_ns
+    page.get_by_role("button", name="step ›").click()
+    assert until(lambda: tape.now_ns == here_ns + S // 10)
+    page.get_by_role("button", name="« event").click()
+    assert until(lambda: tape.now_ns == flight.START_NS + 30 * S)
+    tape.now_ns = here_ns
+    page.get_by_role("button", name="play").click()
+    page.get_by_role("button", name="pause").wait_for()
     assert tape.playing
+
+
+def test_keys(page, tape, view):
+    page.evaluate("document.activeElement.blur()")  # keys typed into a field are text
+    page.keyboard.press("Space")
+    assert until(lambda: not tape.playing)
+    here_ns = tape.now_ns
+    page.keyboard.press("j")
+    assert until(lambda: tape.now_ns == here_ns - S // 10)
+    page.keyboard.press("Space")
+    assert until(lambda: tape.playing)
+    viewer = next(iter(view._viewers.values()))
+    for key, mode in (("f", "follow"), ("t", "top"), ("1", "from theo-north"), ("o", "orbit")):
+        page.keyboard.press(key)
+        assert until(lambda mode=mode: viewer.camera.mode == mode), mode
+    page.keyboard.press("s")
+    assert until(lambda: "sticks" not in viewer._hidden)
 
 
 def test_at_the_end_play_begins_anew(page, tape):
     here_ns, tape.now_ns = tape.now_ns, tape.end_ns
     page.get_by_text("END", exact=True).wait_for()
-    page.get_by_role("button", name="Play").click()
+    page.get_by_role("button", name="play").click()
     assert until(lambda: tape.now_ns == tape.start_ns)
     assert tape.playing
     tape.now_ns = here_ns
 
 
 def test_arrow_keys_seek(page, tape):
+    tab(page, "Flight")
     slider = page.locator("[role=slider]").first
+    tape.now_ns = tape.start_ns + 40 * S
     assert until(lambda: slider.get_attribute("aria-valuenow") == "40")
     slider.focus()
     for _ in range(3):
         slider.press("ArrowLeft")
-    assert until(lambda: tape.now_ns == tape.start_ns + 37_000_000_000)
+    assert until(lambda: tape.now_ns == tape.start_ns + 39_700_000_000)
 
 
 def test_speed(page, tape):
-    for name, speed in (("10×", 10.0), ("max", math.inf)):
-        page.get_by_role("combobox", name="Speed").or_(page.get_by_label("Speed")).first.click()
-        page.get_by_role("option", name=name, exact=True).click()
+    for name, speed in (("10×", 10.0), ("max", math.inf), ("0.1×", 0.1)):
+        choose(page, "speed", name)
         assert until(lambda speed=speed: tape.speed == speed)
 
 
-def test_dark_and_follow_change_the_picture(page, tmp_path):
-    page.screenshot(path=tmp_path / "light.png")
-    assert picture(page)[:60, :60].min() > 200
+def test_dark_and_the_camera_change_the_picture(page):
+    tab(page, "Show")
+    assert picture(page)[:40, :40].min() > 200
     page.get_by_role("checkbox", name="dark", exact=True).click()
-    assert until(lambda: picture(page)[:60, :60].max() < 60)
-    page.screenshot(path=tmp_path / "dark.png")
+    assert until(lambda: picture(page)[:40, :40].max() < 60)
     before = picture(page)
-    page.get_by_role("checkbox", name="follow aircraft").click()
+    choose(page, "camera", "top")
     assert until(lambda: (np.abs(picture(page) - before).max(axis=2) > 60).sum() > 2_000)
+    choose(page, "camera", "orbit")
 
 
-def test_reset_view_brings_the_camera_back(page):
-    def moved_px() -> int:
-        return int((np.abs(picture(page) - before).max(axis=2) > 60).sum())
-
-    before = picture(page)
-    page.mouse.move(300, 300)
+def test_reset_view_brings_the_camera_back(page, view):
+    camera = next(iter(view._viewers.values())).camera
+    box = canvas(page)
+    there = camera.eye()
+    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
     page.mouse.wheel(0, 2_000)
-    assert until(lambda: moved_px() > 2_000)
+    assert until(lambda: np.linalg.norm(camera.eye() - there) > 100.0)
     page.get_by_role("button", name="Reset view").click()
-    assert until(lambda: moved_px() < 500)
+    assert until(lambda: np.linalg.norm(camera.eye() - there) < 1.0)
 
 
-def test_clear_wipes_the_trails(page, view):
+def test_a_live_flight_is_looked_back_upon_by_one_viewer(page):
+    live = opened(None)
+    other = page.context.browser.new_page(viewport=browser.SMALL)
+    other.set_default_timeout(60_000)
+    try:
+        other.goto(live.url)
+        other.get_by_text("14:13:59.9").wait_for()
+        other.get_by_role("button", name="pause").click()
+        other.get_by_role("button", name="« event").click()
+        other.get_by_text(re.compile(r"BACK \d+ s")).wait_for()
+        other.get_by_text("14:13:50.0").wait_for()  # the event at 30 s
+        other.get_by_role("button", name="now", exact=True).click()
+        other.get_by_text("14:13:59.9").wait_for()
+    finally:
+        other.close()
+        live.close()
+
+
+def test_clear_wipes_the_picture(page, view):
     assert red(page) > 0
     view.clear()
     assert until(lambda: red(page) == 0)
+    tab(page, "Flight")
+    page.get_by_text("No data yet.").wait_for()
 
 
 def test_a_dead_station_shows_without_its_help(page, view):

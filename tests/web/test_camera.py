@@ -6,59 +6,74 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from web.camera import Cameras
+from tests.web.flight import SCENE
+from web.camera import FOLLOW, TOP, Camera, modes
+
+NONE = np.zeros(3)
 
 
-def client(number: int) -> SimpleNamespace:
-    camera = SimpleNamespace(position=np.zeros(3), look_at=np.zeros(3))
-    return SimpleNamespace(client_id=number, camera=camera, atomic=nullcontext)
-
-
-@pytest.fixture
-def two():
-    return [client(0), client(1)]
-
-
-@pytest.fixture
-def cameras(two):
+def viewer() -> tuple[Camera, SimpleNamespace]:
+    handle = SimpleNamespace(position=np.zeros(3), look_at=np.zeros(3), fov=0.9, image_height=900)
     world = SimpleNamespace(position=np.zeros(3))
-    server = SimpleNamespace(
-        scene=SimpleNamespace(add_frame=lambda *_, **__: world),
-        get_clients=lambda: dict(enumerate(two)),
-        initial_camera=SimpleNamespace(),
+    client = SimpleNamespace(
+        camera=handle, atomic=nullcontext, scene=SimpleNamespace(add_frame=lambda *_, **__: world)
     )
-    cameras = Cameras(server)
-    for each in two:
-        cameras.look(each)
-    return cameras
+    camera = Camera(client, SCENE)
+    camera.look()
+    return camera, handle
 
 
-def seen_deg(viewer: SimpleNamespace, point) -> float:
+def seen_deg(handle: SimpleNamespace, point) -> float:
     """Angle between a viewer's axis and a point."""
-    axis = viewer.camera.look_at - viewer.camera.position
-    ray = np.asarray(point) - viewer.camera.position
-    return np.degrees(np.arccos(axis @ ray / np.linalg.norm(axis) / np.linalg.norm(ray)))
+    axis = handle.look_at - handle.position
+    ray = np.asarray(point) - handle.position
+    return np.degrees(np.arctan2(np.linalg.norm(np.cross(axis, ray)), axis @ ray))
 
 
-def test_the_sight_widens_with_the_flight_but_not_for_a_hand_on_the_mouse(cameras, two):
-    untouched, moved = two
-    moved.camera.position = chosen = np.array([1.0, 2000.0, 50.0])
-    for corner in ((3000.0, 0.0, 0.0), (0.0, 2000.0, 400.0)):
-        cameras.include(corner)
-        cameras.update(np.array(corner))
-    for corner in ((0.0, 0.0, 0.0), (3000.0, 0.0, 0.0), (0.0, 2000.0, 400.0)):
+def test_the_sight_widens_with_the_flight_but_not_for_a_hand_on_the_mouse():
+    (camera, untouched), (other, moved) = viewer(), viewer()
+    moved.position = chosen = np.array([1.0, 2000.0, 50.0])
+    low, high = np.array([0.0, 0.0, 0.0]), np.array([3000.0, 2000.0, 400.0])
+    for each in (camera, other):
+        each.update(None, low, high)
+    for corner in (low, high, (0.0, 2000.0, 400.0)):
         assert seen_deg(untouched, corner) < 40
-    np.testing.assert_array_equal(moved.camera.position, chosen)
+    np.testing.assert_array_equal(moved.position, chosen)
 
 
-def test_following_moves_the_world_and_back(cameras, two):
+def test_following_moves_this_viewer_s_world_and_back():
+    camera, handle = viewer()
     aircraft = np.array([500.0, -200.0, 120.0])
-    cameras.set_follow(follow=True)
-    cameras.update(aircraft)
-    distance_m = cameras.distance(aircraft)
-    cameras.update(aircraft + 1000.0)
-    assert np.isclose(cameras.distance(aircraft + 1000.0), distance_m)
-    np.testing.assert_array_equal(two[0].camera.look_at, 0.0)
-    cameras.set_follow(follow=False)
-    cameras.update(aircraft)
-    assert np.isclose(cameras.distance(aircraft), np.linalg.norm(two[0].camera.position - aircraft))
+    camera.set_mode(FOLLOW)
+    camera.update(aircraft, NONE, NONE)
+    distance_m = np.linalg.norm(camera.eye() - aircraft)
+    camera.update(aircraft + 1000.0, NONE, NONE)
+    assert np.isclose(np.linalg.norm(camera.eye() - aircraft - 1000.0), distance_m)
+    np.testing.assert_array_equal(handle.look_at, 0.0)
+    camera.set_mode("orbit")
+    camera.update(aircraft, NONE, NONE)
+    np.testing.assert_array_equal(camera.offset, 0.0)
+
+
+def test_from_an_instrument_the_aircraft_is_in_the_middle():
+    camera, handle = viewer()
+    camera.set_mode("from theo-north")
+    for aircraft in (np.array([500.0, -200.0, 120.0]), np.array([0.0, 900.0, 300.0])):
+        camera.update(aircraft, NONE, NONE)
+        assert seen_deg(handle, aircraft) < 0.1
+    stand = SCENE.instruments[0].position_enu_m
+    assert np.linalg.norm(handle.position - np.array(stand)) < 10.0
+    assert handle.fov < 0.5
+    camera.set_mode(TOP)
+    assert handle.fov == pytest.approx(0.9)
+
+
+def test_from_above_is_straight_down():
+    camera, handle = viewer()
+    camera.update(None, np.array([0.0, 0, 0]), np.array([1000.0, 1000.0, 100.0]))
+    camera.set_mode(TOP)
+    assert seen_deg(handle, (500.0, 500.0, -1e6)) < 2.0
+
+
+def test_every_instrument_is_a_way_to_look():
+    assert modes(SCENE) == ["orbit", "follow", "top", "from theo-north", "from theo-south", "from radar-west"]

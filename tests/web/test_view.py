@@ -64,14 +64,15 @@ class FakeSubscription:
 
 
 def test_alone_on_the_bus_it_opens_for_the_scene_and_ends_when_told(port):
-    bus, stop = SourceBus(), threading.Event()
-    alone = threading.Thread(target=run, args=(bus, port, stop))
+    bus, stop, told = SourceBus(), threading.Event(), []
+    alone = threading.Thread(target=run, args=(bus, port, stop, told.append))
     alone.start()
     deadline_s = time.monotonic() + 20
     while any(bus.waiting.values()) and time.monotonic() < deadline_s:
         time.sleep(0.05)
     assert not any(bus.waiting.values())
     assert urllib.request.urlopen(f"http://127.0.0.1:{port}", timeout=5).status == 200
+    assert told == [f"http://127.0.0.1:{port}"]
     stop.set()
     alone.join(10)
     assert not alone.is_alive()

@@ -12,38 +12,49 @@ import numpy as np
 CHUNK = 1_000  # points of a finished piece
 TAIL = 100  # points of the piece that is sent on every update
 MOST = 64  # finished pieces before the oldest are thinned
-DOT_M = 0.05  # a dot is a very short line with round ends
+DOT_M = 0.03  # a dot is a very short line with round ends
 
 Shape = Callable[[np.ndarray], np.ndarray]
 
 
 def line(points: np.ndarray) -> np.ndarray:
-    """(n, 3) → (≤ n−1, 2, 3) segments that join them; a NaN point breaks the line."""
+    """(n, 3 + k) → (≤ n−1, 2, 3 + k) segments that join them; a NaN place breaks the line."""
     segments = np.stack([points[:-1], points[1:]], axis=1)
-    return segments[np.isfinite(segments).all(axis=(1, 2))]
+    return segments[np.isfinite(segments[..., :3]).all(axis=(1, 2))]
+
+
+def shadow(points: np.ndarray) -> np.ndarray:
+    """`line` on the ground below."""
+    return line(points * (1, 1, 0))
 
 
 def dots(points: np.ndarray) -> np.ndarray:
     """(n, 3) → (n, 2, 3)."""
-    return np.stack([points, points + np.array([0, 0, DOT_M])], axis=1)
+    return np.stack([points, points + DOT_M], axis=1)
 
 
-def crosses(points: np.ndarray, half_m: float) -> np.ndarray:
-    """(n, 3) → (4 n, 2, 3): the four diagonals of a cube, so a cross from every side."""
-    arms = half_m / np.sqrt(3) * np.array([(1, 1, 1), (1, -1, 1), (-1, 1, 1), (-1, -1, 1)])
-    return np.stack([points[:, None] - arms, points[:, None] + arms], axis=2).reshape(-1, 2, 3)
+def drops(points: np.ndarray) -> np.ndarray:
+    """(n, 3) → (n, 2, 3): from each straight down to the ground."""
+    return np.stack([points, points * (1, 1, 0)], axis=1)
+
+
+def sticks(points: np.ndarray) -> np.ndarray:
+    """(n, 6) → (n, 2, 3): from the first place of each to the second."""
+    return points.reshape(-1, 2, 3)
 
 
 class Trail:
-    """A growing row of points in station ENU, metres.
+    """A growing row of points of ``wide`` numbers each: station ENU in metres, then what goes with it.
 
-    ``draw(name, segments)`` shows the (m, 2, 3) float32 segments under that name, in place of what was there;
+    ``draw(name, segments)`` shows the (m, 2, …) float32 segments under that name, in place of what was there;
     none at all take it away.
     """
 
-    def __init__(self, name: str, shape: Shape, draw: Callable[[str, np.ndarray], None]):
-        self._name, self._shape, self._draw = name, shape, draw
-        self._joint = 1 if shape is line else 0  # a piece of a line ends on the next one's first point
+    def __init__(self, name: str, shape: Shape, draw: Callable[[str, np.ndarray], None], wide: int = 3):
+        self._name, self._shape, self._draw, self._wide = name, shape, draw, wide
+        self._joint = (
+            1 if shape in (line, shadow) else 0
+        )  # a piece of a line ends on the next one's first point
         self._made = 0
         self._chunks: list[tuple[str, np.ndarray, int]] = []  # name, points, how often thinned
         self._open: list[Sequence[float]] = []
@@ -57,7 +68,7 @@ class Trail:
     def cut(self) -> None:
         """The next point does not belong to the last one."""
         if self._open:
-            self.add((np.nan, np.nan, np.nan))
+            self.add((np.nan,) * self._wide)
 
     def update(self, pending: Sequence[Sequence[float]] = ()) -> None:
         """Send what changed. ``pending`` are points that may still be taken back: they go with the tail."""
@@ -85,9 +96,9 @@ class Trail:
         self._show("tail", [])
 
     def points(self) -> np.ndarray:
-        """(n, 3) all that is kept, NaN where the trail is cut."""
+        """(n, wide) all that is kept, NaN where the trail is cut."""
         pieces = [points[: len(points) - self._joint] for _, points, _ in self._chunks]
-        return np.vstack([*pieces, np.reshape(self._open, (-1, 3))])
+        return np.vstack([*pieces, np.reshape(self._open, (-1, self._wide))])
 
     def _finish(self) -> None:
         name, points = f"chunk{self._made}", np.array(self._open[: CHUNK + self._joint])
@@ -114,5 +125,5 @@ class Trail:
         self._show(name, points[keep])
 
     def _show(self, piece: str, points) -> None:
-        segments = self._shape(np.reshape(points, (-1, 3)))
+        segments = self._shape(np.reshape(points, (-1, self._wide)))
         self._draw(f"{self._name}/{piece}", segments.astype(np.float32))

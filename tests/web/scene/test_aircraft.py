@@ -3,7 +3,7 @@
 import numpy as np
 from viser.transforms import SO3
 
-from web.aircraft import attitude, ellipsoid
+from web.scene.aircraft import attitude, barrel, ellipsoid
 
 
 def lower(position_covariance: np.ndarray) -> list[float]:
@@ -30,3 +30,9 @@ def test_a_coordinated_turn_banks_by_the_ratio_of_accelerations():
     left_mps2 = 9.80665  # one g to the left, so 45° of bank to the left
     up = SO3(attitude((20.0, 0.0, 0.0), (0.0, left_mps2, 0.0))).as_matrix() @ (0, 0, 1)
     np.testing.assert_allclose(up, (0, np.sqrt(0.5), np.sqrt(0.5)), atol=1e-12)
+
+
+def test_the_protection_level_is_a_cylinder_of_radius_and_half_height_one():
+    corners = barrel().reshape(-1, 3)
+    np.testing.assert_allclose(np.hypot(corners[:, 0], corners[:, 1]), 1.0)
+    assert (corners[:, 2].min(), corners[:, 2].max()) == (-1.0, 1.0)

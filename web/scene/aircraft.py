@@ -1,4 +1,4 @@
-"""The aircraft with its name, its attitude and its 3-sigma ellipsoid."""
+"""The aircraft with its name and attitude, its 3-sigma ellipsoid, and the protection level around it."""
 
 from collections.abc import Sequence
 
@@ -7,9 +7,11 @@ import viser
 import viser.transforms
 
 from gcs.contract.messages import GRAVITY_MPS2, State
-from web import colours, glyphs
+from web.look import colours
+from web.scene import glyphs
 
-SIZE, ELLIPSOID = 0.08, 0.025  # wing span and least ellipsoid as a share of the camera's distance
+SIZE = 0.08  # wing span as a share of the camera's distance
+TRUST = 0.02  # least size of what shows trust, as such a share
 LEAST_M = 2.0  # wing span from near
 FACTORS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)  # how much larger than life the ellipsoid may be
 SLOW_MPS = 2.0  # below this the velocity says nothing about where the nose points
@@ -25,9 +27,17 @@ class Aircraft:
         )
         self._label = api.add_label("/world/aircraft-label", name, visible=False, anchor="bottom-center")
         self._ellipsoid = api.add_icosphere(
-            "/world/ellipsoid/sigma", color=colours.FILTERED, opacity=0.22, visible=False, cast_shadow=False
+            "/world/trust/sigma", color=colours.FILTERED, opacity=0.30, visible=False, cast_shadow=False
         )
-        self.factor = 1  # how much larger than life the ellipsoid is drawn
+        self._protection = api.add_line_segments(
+            "/world/trust/protection",
+            barrel(),
+            colours.PROTECTION,
+            thickness=1.3,
+            thickness_units="screen",
+            visible=False,
+        )
+        self.factor = 1  # how much larger than life ellipsoid and protection level are drawn
 
     def set_dark(self, *, dark: bool) -> None:
         self._body.color = colours.INK[dark]
@@ -36,19 +46,33 @@ class Aircraft:
         if self._label.text != text:
             self._label.text = text
 
+    def remove(self) -> None:
+        for node in (self._body, self._label, self._ellipsoid, self._protection):
+            node.remove()
+
+    def hide(self) -> None:
+        for node in (self._body, self._label, self._ellipsoid, self._protection):
+            node.visible = False
+
     def move(self, state: State, distance_m: float) -> None:
         """Show ``state``, sized for a camera at that distance."""
         position, span_m = np.array(state.position_enu_m), max(LEAST_M, SIZE * distance_m)
-        self._body.position = self._ellipsoid.position = position
+        self._body.position = self._ellipsoid.position = self._protection.position = position
         self._body.scale = span_m
         self._label.position = position + np.array([0, 0, span_m / 2])
         if np.linalg.norm(state.velocity_enu_mps) > SLOW_MPS:
             self._body.wxyz = attitude(state.velocity_enu_mps, state.acceleration_enu_mps2)
         radii, axes = ellipsoid(state.covariance)
-        seen = (factor for factor in FACTORS if factor * radii.max() > ELLIPSOID * distance_m)
+        across, high = state.protection_h_m, state.protection_v_m
+        held = across is not None and high is not None
+        largest = max(radii.max(), across or 0.0, high or 0.0) if held else radii.max()
+        seen = (factor for factor in FACTORS if factor * largest > TRUST * distance_m)
         self.factor = next(seen, FACTORS[-1])
         self._ellipsoid.scale = tuple(radii * self.factor)
         self._ellipsoid.wxyz = viser.transforms.SO3.from_matrix(axes).wxyz
+        self._protection.visible = held
+        if across is not None and high is not None:
+            self._protection.scale = (self.factor * across, self.factor * across, self.factor * high)
         self._body.visible = self._label.visible = self._ellipsoid.visible = True
 
 
@@ -70,3 +94,13 @@ def attitude(velocity: Sequence[float], acceleration: Sequence[float]) -> np.nda
     lift = lift - (lift @ nose) * nose
     up = lift / np.linalg.norm(lift)
     return viser.transforms.SO3.from_matrix(np.column_stack([nose, np.cross(up, nose), up])).wxyz
+
+
+def barrel() -> np.ndarray:
+    """(n, 2, 3) the edges of an upright cylinder of radius and half height 1: three hoops, four staves."""
+    angles = np.linspace(0, 2 * np.pi, 33)
+    hoop = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(33)])
+    up = np.array([0.0, 0.0, 1.0])
+    hoops = [np.stack([hoop[:-1], hoop[1:]], axis=1) + height * up for height in (-1, 0, 1)]
+    staves = [np.stack([hoop[:-1:8] - up, hoop[:-1:8] + up], axis=1)]
+    return np.concatenate([*hoops, *staves])

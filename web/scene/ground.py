@@ -4,9 +4,10 @@ import numpy as np
 import viser
 
 from gcs.contract.messages import Instrument
-from web import colours, glyphs
-from web.colours import Colour
-from web.lines import Lines
+from web.look import colours
+from web.look.colours import Colour
+from web.scene import glyphs
+from web.scene.lines import Lines
 
 NORTH_M = 300.0
 

@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 import viser
 
-from web.colours import Colour
+from web.look.colours import Colour
 
 
 class Lines:
@@ -20,18 +20,25 @@ class Lines:
         self,
         name: str,
         segments: np.ndarray,
-        colour: Colour,
+        colour: Colour | np.ndarray,
         width: float,
         units: Literal["screen", "world"] = "screen",
     ) -> None:
-        """Show (n, 2, 3) segments in place of what has that name; with n = 0 nothing is left."""
+        """Show (n, 2, 3) segments in place of what has that name; with n = 0 nothing is left.
+
+        ``colour`` is one for all, or (n, 2, 3) uint8, one for each end.
+        """
         shown = self._shown.get(name)
         if len(segments) == 0:
             if shown:
                 self._shown.pop(name).remove()
-        elif shown:
+        elif shown and np.array_equal(shown.points, np.asarray(segments, np.float32)) and same(shown, colour):
+            return  # what the browser has already is not sent again
+        elif shown and shown.colors.ndim == 1 and not isinstance(colour, np.ndarray):
             shown.points = np.asarray(segments, np.float32)
-        else:
+            if not same(shown, colour):
+                shown.colors = np.asarray(colour, np.uint8)
+        else:  # also where each end has a colour: points and colours must come as one
             self._shown[name] = self._api.add_line_segments(
                 name, segments, colour, thickness=width, thickness_units=units
             )
@@ -40,7 +47,12 @@ class Lines:
         """``draw`` with its colour and width in pixels chosen."""
         return lambda name, segments: self.draw(name, segments, colour, width)
 
-    def set_width(self, under: str, width: float) -> None:
+    def recolour(self, under: str, colour: Colour) -> None:
+        """Give everything whose name begins so one colour."""
         for name, shown in self._shown.items():
             if name.startswith(under):
-                shown.thickness = width
+                shown.colors = np.asarray(colour, np.uint8)
+
+
+def same(shown: viser.LineSegmentsHandle, colour: Colour | np.ndarray) -> bool:
+    return np.array_equal(shown.colors, np.asarray(colour, np.uint8))

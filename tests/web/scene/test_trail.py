@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from web import trail
-from web.trail import CHUNK, MOST, TAIL, Trail, crosses, dots, line
+from web.scene import trail
+from web.scene.trail import CHUNK, MOST, TAIL, Trail, dots, drops, line, shadow, sticks
 
 
 class Canvas:
@@ -111,18 +111,26 @@ def test_hours_stay_bounded_and_reach_from_first_to_last(shape, monkeypatch):
         np.testing.assert_array_equal(ends[1:, 0], ends[:-1, 1])
 
 
-def test_redraw_gives_everything_the_new_shape():
-    canvas, half_m = Canvas(), 1.0
-    drawn = Trail("t", lambda points: crosses(points, half_m), canvas.draw)
+def test_redraw_sends_everything_once_more():
+    canvas = Canvas()
+    drawn = Trail("t", line, canvas.draw)
     for point in walk(CHUNK + 2 * TAIL + 3):
         drawn.add(point)
     drawn.update()
-    half_m = 3.0
+    before = canvas.segments()
+    canvas.shown.clear()
     drawn.redraw()
     drawn.update()
-    lengths_m = np.linalg.norm(np.diff(canvas.segments(), axis=1), axis=2)
-    assert len(lengths_m) == 4 * (CHUNK + 2 * TAIL + 3)
-    np.testing.assert_allclose(lengths_m, 6.0, rtol=1e-4)
+    np.testing.assert_array_equal(canvas.segments(), before)
+
+
+def test_what_goes_with_a_place_goes_with_its_segment():
+    drawn = {}
+    trail_ = Trail("t", line, lambda name, segments: drawn.update({name: segments}), wide=5)
+    for k in range(3):
+        trail_.add((k, 0, 0, 10 * k, np.nan))
+    trail_.update()
+    np.testing.assert_array_equal(drawn["t/tail"][:, :, 3], [(0, 10), (10, 20)])
 
 
 def test_clear_takes_everything_away():
@@ -135,7 +143,11 @@ def test_clear_takes_everything_away():
     assert canvas.shown == {}
 
 
-def test_a_cross_is_centred_on_its_point():
-    segments = crosses(np.array([(10.0, 20.0, 30.0)]), 6.0)
-    np.testing.assert_allclose(segments.mean(axis=1), np.tile((10.0, 20.0, 30.0), (4, 1)))
-    np.testing.assert_allclose(np.linalg.norm(segments[:, 1] - segments[:, 0], axis=1), 12.0)
+def test_shadow_and_drops_end_on_the_ground():
+    points = np.array([(0.0, 0, 50), (10.0, 0, 60)])
+    np.testing.assert_array_equal(shadow(points), [[(0, 0, 0), (10, 0, 0)]])
+    np.testing.assert_array_equal(drops(points)[1], [(10, 0, 60), (10, 0, 0)])
+
+
+def test_a_stick_joins_the_claim_and_the_track():
+    np.testing.assert_array_equal(sticks(np.array([(1.0, 2, 3, 4, 5, 6)])), [[(1, 2, 3), (4, 5, 6)]])

@@ -1,0 +1,16 @@
+"""Colours that can be told apart."""
+
+import numpy as np
+
+from web.look import colours
+
+
+def test_the_ramp_gets_lighter_all_the_way():
+    steps = colours.ramp(np.linspace(0.0, 1.0, 50)).astype(float)
+    lightness = steps @ (0.2126, 0.7152, 0.0722)  # ITU-R BT.709
+    assert (np.diff(lightness) > 0).all()
+
+
+def test_dimmed_is_half_way_to_the_page():
+    assert colours.dimmed((0, 0, 0), dark=False) == (127, 127, 127)
+    assert sum(colours.dimmed((255, 255, 255), dark=True)) < 3 * 255

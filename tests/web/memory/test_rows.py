@@ -1,0 +1,39 @@
+"""Rows grow, are found by time, and stay bounded."""
+
+import numpy as np
+
+from web.memory.rows import GrowingRows
+
+DTYPE = np.dtype([("t_ns", "i8"), ("value", "f8")])
+
+
+def filled(n: int, most: int) -> GrowingRows:
+    rows = GrowingRows(DTYPE, most)
+    for i in range(n):
+        rows.add((i, i / 2))
+    return rows
+
+
+def test_all_rows_are_kept_below_the_bound():
+    rows = filled(3000, 5000)
+    np.testing.assert_array_equal(rows.view["t_ns"], np.arange(3000))
+    np.testing.assert_array_equal(rows.view["value"], np.arange(3000) / 2)
+
+
+def test_between_has_both_ends():
+    np.testing.assert_array_equal(filled(50, 100).between(10, 12)["t_ns"], [10, 11, 12])
+    assert len(filled(50, 100).between(60, 70)) == 0
+
+
+def test_beyond_the_bound_the_old_are_thinned_and_the_first_and_newest_stay():
+    times = filled(1000, 100).view["t_ns"]
+    assert len(times) <= 100
+    assert (times[0], times[-1]) == (0, 999)
+    assert (np.diff(times) > 0).all()
+    assert np.diff(times)[-40:].max() == 1
+
+
+def test_cleared_rows_are_gone():
+    rows = filled(10, 100)
+    rows.clear()
+    assert len(rows.view) == 0

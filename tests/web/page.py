@@ -1,0 +1,106 @@
+"""What the browser tests share: a page on a flight, its picture, and where on it a place is seen."""
+
+import math
+import socket
+import time
+
+import imageio.v3 as imageio
+import msgspec
+import numpy as np
+from viser.transforms import SO3
+
+from gcs.contract.messages import State
+from tests.web import flight
+from web.view import View
+
+S = 1_000_000_000
+
+
+class Tape:
+    """A replay that only remembers what it was told."""
+
+    def __init__(self):
+        self.start_ns, self.end_ns = flight.START_NS, flight.START_NS + 60 * S
+        self.now_ns = flight.START_NS + 40 * S
+        self.playing, self.speed = True, 1.0
+
+    def play(self) -> None:
+        self.playing = True
+
+    def pause(self) -> None:
+        self.playing = False
+
+    def seek(self, t_ns: int) -> None:
+        self.now_ns = t_ns
+
+    def set_speed(self, speed: float) -> None:
+        self.speed = speed
+
+
+def opened(playback: Tape | None) -> View:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    view = View(flight.SCENE, port=port, playback=playback)
+    for message, source in flight.messages(40.0):
+        if isinstance(message, State):
+            message = msgspec.structs.replace(message, protection_h_m=3.2, protection_v_m=6.4)
+        view.put(message, source)
+    return view
+
+
+def until(condition, timeout_s: float = 60.0) -> bool:
+    end_s = time.monotonic() + timeout_s
+    while not (met := condition()) and time.monotonic() < end_s:
+        time.sleep(0.1)
+    return bool(met)
+
+
+def tab(page, name: str) -> None:
+    page.get_by_role("tab", name=name, exact=True).click()
+
+
+def choose(page, label: str, option: str, nth: int = 0) -> None:
+    page.get_by_role("combobox", name=label, exact=True).or_(page.get_by_label(label, exact=True)).nth(
+        nth
+    ).click()
+    page.get_by_role("option", name=option, exact=True).click()
+
+
+def canvas(page) -> dict[str, float]:
+    """Left, top, width and height of the 3-D picture on the page; the plots are smaller canvases."""
+    return page.evaluate(
+        """() => [...document.querySelectorAll('canvas')].map(c => c.getBoundingClientRect())
+        .map(r => ({x: r.x, y: r.y, width: r.width, height: r.height}))
+        .sort((a, b) => b.width * b.height - a.width * a.height)[0]"""
+    )
+
+
+def picture(page) -> np.ndarray:
+    """(h, w, 3) int, the 3-D part of the page."""
+    box = canvas(page)
+    pixels = imageio.imread(page.screenshot(clip=box))[..., :3].astype(int)
+    return pixels
+
+
+def red(page) -> int:
+    """How many pixels have the isolated outliers' colour."""
+    r, g, b = np.moveaxis(picture(page), -1, 0)
+    return int(((r > 190) & (g < 130) & (b < 110) & (r - g > 90)).sum())
+
+
+def blue(page) -> int:
+    """How many pixels have the newest track's colour."""
+    r, _, b = np.moveaxis(picture(page), -1, 0)
+    return int(((b > 170) & (r < 110) & (b - r > 100)).sum())
+
+
+def pixel(page, view: View, place) -> tuple[float, float]:
+    """Where on the page a place of the world is seen."""
+    camera = next(iter(view._viewers.values())).camera
+    seen = camera._client.camera
+    right, down, ahead = SO3(seen.wxyz).inverse().apply(np.asarray(place) + camera.offset - seen.position)
+    box = canvas(page)
+    focal = box["height"] / 2 / math.tan(seen.fov / 2)
+    x, y = focal * right / ahead + box["width"] / 2, focal * down / ahead + box["height"] / 2
+    return box["x"] + x, box["y"] + y

@@ -1,0 +1,1 @@
+"""How things look: colours, and pieces of the panel's text."""

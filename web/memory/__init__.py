@@ -1,0 +1,1 @@
+"""What the page keeps of a flight. No drawing here."""

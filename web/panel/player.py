@@ -1,0 +1,169 @@
+"""Time: play, pause, steps, speed and a slider, over a replay or what the page has seen of a live flight."""
+
+import math
+import time
+from collections.abc import Callable
+from typing import Protocol
+
+import viser
+
+from web.memory.flight import STEP_NS, SeenFlight
+from web.panel import events
+
+SPEEDS = {
+    "0.1×": 0.1,
+    "0.5×": 0.5,
+    "1×": 1.0,
+    "2×": 2.0,
+    "5×": 5.0,
+    "10×": 10.0,
+    "50×": 50.0,
+    "max": math.inf,
+}
+SETTLE_S = 0.3  # a seek starts when the slider has rested for so long
+BACK, PLAY, PAUSE, FORTH = "‹ step", "play", "pause", "step ›"
+BEFORE, AFTER, NOW = "« event", "event »", "now"
+
+
+class Playable(Protocol):
+    """What the page may do with time. Times are the flight's, int64 ns UTC."""
+
+    @property
+    def start_ns(self) -> int: ...
+    @property
+    def end_ns(self) -> int: ...
+    @property
+    def now_ns(self) -> int: ...
+    @property
+    def playing(self) -> bool: ...
+    @property
+    def speed(self) -> float:
+        """1, 2, 5, …; inf is as fast as it goes."""
+
+    def play(self) -> None: ...
+    def pause(self) -> None: ...
+    def seek(self, t_ns: int) -> None: ...
+    def set_speed(self, speed: float) -> None: ...
+
+
+class LookBack:
+    """A live flight looked back upon by one viewer: `playing` is now, everything else is the past."""
+
+    speed = 1.0
+
+    def __init__(self, flight: SeenFlight):
+        self._flight = flight
+        self._at_ns: int | None = None
+
+    @property
+    def start_ns(self) -> int:
+        return self._flight.span_ns[0]
+
+    @property
+    def end_ns(self) -> int:
+        return self._flight.span_ns[1]
+
+    @property
+    def now_ns(self) -> int:
+        return self.end_ns if self._at_ns is None else max(self._at_ns, self.start_ns)
+
+    @property
+    def playing(self) -> bool:
+        return self._at_ns is None
+
+    def play(self) -> None:
+        self._at_ns = None
+
+    def pause(self) -> None:
+        self._at_ns = self.now_ns
+
+    def seek(self, t_ns: int) -> None:
+        self._at_ns = t_ns
+
+    def set_speed(self, speed: float) -> None:
+        """Live goes at its own pace."""
+
+
+class Player:
+    """The handles of time, one viewer's."""
+
+    def __init__(self, gui: viser.GuiApi, time_: Playable, flight: SeenFlight, level: Callable[[], str]):
+        self.time, self._flight, self._level = time_, flight, level
+        self._live = isinstance(time_, LookBack)
+        self._wanted_s: float | None = None
+        self._touched_s = 0.0
+        with gui.add_folder("Time"):
+            self._slider = gui.add_slider("flight s", 0.0, 1.0, 0.1, 0.0)
+            self._strip = gui.add_html("")
+            self._steps = gui.add_button_group("step", (BACK, PLAY, FORTH))
+            self._jumps = gui.add_button_group(
+                "jump", (BEFORE, AFTER, NOW) if self._live else (BEFORE, AFTER)
+            )
+            if not self._live:
+                speed = min(SPEEDS, key=lambda name: abs(min(SPEEDS[name], 1e3) - min(time_.speed, 1e3)))
+                self._speed = gui.add_dropdown("speed", tuple(SPEEDS), initial_value=speed)
+                self._speed.on_update(lambda event: time_.set_speed(SPEEDS[event.target.value]))
+        for group in (self._steps, self._jumps):
+            group.on_click(lambda event: self.press(event.target.value))
+        self._slider.on_update(self._touch)
+
+    def mode(self) -> str:
+        """One word or two for the badge."""
+        if self._live:
+            behind_s = (self.time.end_ns - self.time.now_ns) / 1e9
+            return "LIVE" if self.time.playing else f"BACK {behind_s:.0f} s"
+        if self._ended():
+            return "END"
+        if not self.time.playing:
+            return "PAUSED"
+        return "REPLAY max" if math.isinf(self.time.speed) else f"REPLAY {self.time.speed:g}×"
+
+    def press(self, what: str) -> None:
+        """Do what a button or a key says."""
+        now_ns = self.time.now_ns
+        if what in (PLAY, PAUSE):
+            self._toggle()
+        elif what == NOW:
+            self.time.play()
+        elif what in (BACK, FORTH):
+            self.time.pause()
+            self.time.seek(now_ns + (STEP_NS if what == FORTH else -STEP_NS))
+        else:
+            step = 1 if what == AFTER else -1
+            there_ns = events.neighbour(self._flight.moments, self._level(), now_ns, step)
+            if there_ns is not None:
+                self.time.seek(there_ns)
+
+    def update(self) -> None:
+        label = PAUSE if self.time.playing and not self._ended() else PLAY
+        if self._steps.options[1] != label:
+            self._steps.options = (BACK, label, FORTH)
+        self._strip.content = events.strip(
+            self._flight.moments, self.time.start_ns, self.time.end_ns, self.time.now_ns
+        )
+        length_s = max(1.0, (self.time.end_ns - self.time.start_ns) // 1e8 / 10)
+        if self._slider.max != length_s:
+            self._slider.max = length_s
+        resting = time.monotonic() - self._touched_s > SETTLE_S
+        if self._wanted_s is not None and resting:
+            self.time.seek(self.time.start_ns + round(self._wanted_s * 1e9))
+            self._wanted_s = None
+        elif self._wanted_s is None:
+            now_s = (self.time.now_ns - self.time.start_ns) // 1e8 / 10
+            self._slider.value = min(max(now_s, 0.0), length_s)  # type: ignore[misc]  # viser has it settable
+
+    def _ended(self) -> bool:
+        return not self._live and self.time.now_ns >= self.time.end_ns
+
+    def _toggle(self) -> None:
+        if self._ended():
+            self.time.seek(self.time.start_ns)
+            self.time.play()
+        elif self.time.playing:
+            self.time.pause()
+        else:
+            self.time.play()
+
+    def _touch(self, event: viser.GuiEvent) -> None:
+        if event.client is not None:  # our own updates come from no client
+            self._wanted_s, self._touched_s = event.target.value, time.monotonic()

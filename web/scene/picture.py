@@ -1,0 +1,198 @@
+"""The 3-D picture that all viewers share: where it flew, what the sensors saw."""
+
+from collections import defaultdict
+from collections.abc import Sequence
+
+import numpy as np
+import viser
+
+from gcs.contract.messages import State
+from web.look import colours
+from web.look.colours import Colour
+from web.memory.claims import ACCEPTED, Claim
+from web.memory.flight import SeenFlight
+from web.scene import glyphs, paint
+from web.scene.aircraft import Aircraft
+from web.scene.ground import draw_ground, draw_instrument
+from web.scene.lines import Lines
+from web.scene.trail import Trail, dots, drops, line, shadow, sticks
+from web.scene.wind import Arrow
+
+LAYERS = {  # by name: shown at first
+    "newest": True,
+    "smoothed": True,
+    "raw": True,
+    "INS": True,
+    "outliers": True,
+    "sticks": False,
+    "sights": True,
+    "trust": True,
+    "ground": True,
+    "wind": True,
+}
+FRESH_NS = 2_000_000_000  # a line of sight goes this long after the instrument's last claim
+DROP_NS = 5_000_000_000  # a line down to the ground, of flight
+DOT_PX, NEWEST_PX, SMOOTHED_PX = 2.0, 5.0, 2.0
+INSTRUMENT = 0.045  # size as a share of the camera's distance
+AFAR_M = 2000.0  # where nobody looks, things have the size for this distance
+
+
+class Picture:
+    """Draws one flight under ``/world`` on ``update``."""
+
+    def __init__(self, server: viser.ViserServer, flight: SeenFlight):
+        self._server, self._flight = server, flight
+        self._scene, self._colours = flight.scene, colours.of_sensors(flight.scene)
+        self._dark = False
+        self.paint = paint.PLAIN
+        self.scale: paint.Scale | None = None
+        self.low, self.high = np.zeros(3), np.zeros(3)  # corners of what is to be seen
+        server.scene.add_frame("/world", show_axes=False)
+        for name, shown in LAYERS.items():
+            server.scene.add_frame(f"/world/{name}", show_axes=False, visible=shown)
+        self._lines = Lines(server.scene)
+        draw_ground(server.scene, self._lines)
+        self._glyphs = []
+        for instrument in self._scene.instruments:
+            self._glyphs.append(draw_instrument(server.scene, instrument, self._colours[instrument.name]))
+            self._include(np.array([instrument.position_enu_m]))
+        self.aircraft = Aircraft(server.scene, self._scene.vehicle)
+        self._wind = Arrow(server.scene, self._lines)
+        draw = self._lines.drawer
+        self._newest = Trail("/world/newest", line, self._draw_newest, wide=7)
+        self._smoothed = Trail("/world/smoothed", line, draw(colours.SMOOTHED, SMOOTHED_PX))
+        self._shadow = Trail("/world/ground/shadow", shadow, draw(colours.GROUND, 1.5))
+        self._drops = Trail("/world/ground/drops", drops, draw(colours.GROUND, 0.6))
+        self._sticks = Trail("/world/sticks", sticks, draw(colours.OUTLIER, 1.0), wide=6)
+        self._raw: dict[str, Trail] = {}  # by sensor
+        self._dropped_ns = 0
+        self._moved: tuple | None = None  # time and eyes of what was last drawn
+
+    def set_dark(self, *, dark: bool) -> None:
+        self._dark = dark
+        self.aircraft.set_dark(dark=dark)
+        for sensor in self._raw:
+            self._lines.recolour(f"{_raw_path(sensor)}/", self._dot_colour(sensor))
+
+    def set_paint(self, choice: str) -> None:
+        self.paint, self.scale = choice, None
+        self._repaint(anew=True)
+
+    def update(self, shown: State | None, eyes: Sequence[np.ndarray]) -> None:
+        """Draw what changed. ``shown`` is the newest state; ``eyes``, (3,) each, where it is seen from."""
+        fresh = self._flight.take_fresh()
+        with self._server.atomic():
+            self._extend(self._newest, fresh.newest, paint.values)
+            self._extend(self._smoothed, fresh.smoothed)
+            self._extend(self._shadow, fresh.newest)
+            self._drop(fresh.newest)
+            for claim in fresh.settled:
+                self._settle(claim)
+            self._repaint(anew=False)
+            moved = (shown.t_ns, *np.round(eyes, 1).ravel().tolist()) if shown else None
+            if shown and moved != self._moved:
+                self._move(shown, eyes)
+            self._moved = moved
+            pending = defaultdict(list)
+            for claim in self._flight.claims.pending():
+                if claim.kind == ACCEPTED and claim.position:
+                    pending[self._trail(claim.sensor)].append(claim.position)
+            for trail in self._trails():
+                trail.update(pending[trail])
+
+    def clear(self) -> None:
+        for trail in self._trails():
+            trail.clear()
+        self.aircraft.hide()
+        self._wind.move(None, np.zeros(3), AFAR_M)
+        gone = ["/world/plumb"]
+        for instrument in self._scene.instruments:
+            gone += [f"/world/sights/{instrument.name}", f"/world/sights/{instrument.name}-refused"]
+        for name in gone:
+            self._lines.draw(name, np.zeros((0, 2, 3)), colours.GROUND, 1.0)
+        self._dropped_ns = 0
+
+    def _extend(self, trail: Trail, rows: list, more=None) -> None:
+        for row in rows:
+            if row["cut"]:
+                trail.cut()
+            place = row["position_enu_m"].tolist()
+            trail.add((*place, *more(row)[0].tolist()) if more else place)
+        if rows:
+            self._include(np.array([row["position_enu_m"] for row in rows]))
+
+    def _drop(self, rows: list) -> None:
+        for row in rows:
+            if abs(int(row["t_ns"]) - self._dropped_ns) >= DROP_NS:
+                self._drops.add(row["position_enu_m"].tolist())
+                self._dropped_ns = int(row["t_ns"])
+
+    def _settle(self, claim: Claim) -> None:
+        if not claim.position:
+            return
+        if claim.kind == ACCEPTED:
+            self._trail(claim.sensor).add(claim.position)
+        elif (place := self._flight.place_at(claim.t_ns)) is not None:
+            self._sticks.add((*claim.position, *place.tolist()))
+
+    def _include(self, places: np.ndarray) -> None:
+        self.low = np.minimum(self.low, places.min(axis=0))
+        self.high = np.maximum(self.high, places.max(axis=0))
+
+    def _repaint(self, *, anew: bool) -> None:
+        scale = paint.scale_of(self.paint, self._flight.newest.view, self.scale)
+        if anew or scale != self.scale:
+            self.scale = scale
+            self._newest.redraw()
+
+    def _draw_newest(self, name: str, segments: np.ndarray) -> None:
+        colour = paint.paint(self.paint, self.scale, segments[..., 3:])
+        self._lines.draw(name, segments[..., :3], colour, NEWEST_PX)
+
+    def _trails(self) -> list[Trail]:
+        lines = [self._newest, self._smoothed, self._shadow, self._drops, self._sticks]
+        return [*lines, *self._raw.values()]
+
+    def _trail(self, sensor: str) -> Trail:
+        """Where a sensor's accepted claims are drawn."""
+        if sensor not in self._raw:
+            self._raw[sensor] = Trail(
+                _raw_path(sensor),
+                dots,
+                lambda name, segments: self._lines.draw(name, segments, self._dot_colour(sensor), DOT_PX),
+            )
+        return self._raw[sensor]
+
+    def _dot_colour(self, sensor: str) -> Colour:
+        return colours.dimmed(self._colours.get(sensor, colours.GROUND), dark=self._dark)
+
+    def _move(self, state: State, eyes: Sequence[np.ndarray]) -> None:
+        position = np.array(state.position_enu_m)
+        distance_m = _nearest(eyes, position)
+        self.aircraft.move(state, distance_m)
+        self._wind.move(self._flight.wind, position, distance_m)
+        plumb = np.array([[position, position * (1, 1, 0)]])
+        self._lines.draw("/world/plumb", plumb, colours.GROUND, 1.5)
+        for instrument, glyph in zip(self._scene.instruments, self._glyphs, strict=True):
+            far_m = _nearest(eyes, np.array(instrument.position_enu_m))
+            glyph.scale = scale = max(2.0, INSTRUMENT * far_m)
+            self._draw_sight(instrument.name, glyph, scale, state)
+
+    def _draw_sight(self, name: str, glyph: viser.MeshHandle, scale: float, state: State) -> None:
+        """A line to the aircraft, or in the outliers' colour to where the instrument wrongly saw it."""
+        claim = self._flight.claims.newest.get(name)
+        fresh = claim is not None and abs(state.t_ns - claim.t_ns) < FRESH_NS
+        seen = claim.position if fresh and claim is not None and claim.misplaced else None
+        head = np.array(glyph.position) + np.array([0, 0, glyphs.HEAD * scale])
+        beam = np.array([[head, seen or state.position_enu_m]])
+        nothing, path = beam[:0], f"/world/sights/{name}"
+        self._lines.draw(path, beam if fresh and not seen else nothing, self._colours[name], 1.5)
+        self._lines.draw(f"{path}-refused", beam if seen else nothing, colours.OUTLIER, 1.5)
+
+
+def _raw_path(sensor: str) -> str:
+    return "/world/INS/points" if sensor == "ins" else f"/world/raw/{sensor}"
+
+
+def _nearest(eyes: Sequence[np.ndarray], place: np.ndarray) -> float:
+    return min((float(np.linalg.norm(eye - place)) for eye in eyes), default=AFAR_M)

@@ -1,0 +1,272 @@
+"""The page of one viewer: panel, plots, camera and marks of their own, over what all share."""
+
+import time
+from collections.abc import Callable
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import viser
+
+from gcs.contract.messages import State
+from web.camera import FOLLOW, ORBIT, TOP, Camera, modes
+from web.look import colours, html
+from web.look.html import clock
+from web.memory.claims import Claim
+from web.memory.geometry import hit
+from web.memory.lies import lies
+from web.memory.residuals import others_then
+from web.panel import events, legend, picked, place, player, sensors, status
+from web.panel.limits import alarms
+from web.panel.player import LookBack, Player
+from web.plots.dock import Dock
+from web.scene.aircraft import Aircraft
+from web.scene.marks import Eye, Marks
+from web.scene.paint import CHOICES
+from web.scene.picture import LAYERS
+
+if TYPE_CHECKING:
+    from viser._messages import HotkeyKey as Key
+
+    from web.view import View
+
+PANEL_TICKS, PLOT_TICKS = 3, 10  # the panel is read by people: three times a second; plots once
+PICK_PX = 10.0  # a click may miss by so much
+NEAR_NS = 1_000_000_000  # what others said farther from a clicked outlier is not of that instant
+NAMES = {
+    "raw": "raw points",
+    "sticks": "residual sticks",
+    "sights": "lines of sight",
+    "trust": "3σ, protection",
+}
+PANEL_PX = 380
+
+
+class Viewer:
+    """Everything that belongs to one open page. All but the handles' callbacks runs in the view's thread."""
+
+    def __init__(self, client: viser.ClientHandle, view: "View"):
+        self._client, self._view, self._flight = client, view, view.flight
+        self.camera = Camera(client, self._flight.scene)
+        self._marks = Marks(client.scene, self._flight)
+        self._time = view.playback or LookBack(self._flight)
+        self._ghost: Aircraft | None = None  # the aircraft as it was, while this viewer looks back
+        self._hidden = {name for name, shown in LAYERS.items() if not shown}
+        self._layers: dict[str, viser.FrameHandle] = {}
+        self._tick = 0
+        client.gui.set_panel_label("Ground station")
+        client.gui.main_panel.dock_right()
+        client.gui.main_panel.set_width(PANEL_PX)
+        self._build()
+        self._dock = Dock(client.gui, self._flight)
+        self._add_keys()
+        client.scene.on_click()(self._click)
+        self.camera.update(None, view.picture.low, view.picture.high)
+        self.camera.look()
+
+    def refresh(self) -> None:
+        """Bring the page up to date; ten times a second."""
+        shown = self.shown()
+        aircraft = np.array(shown.position_enu_m) if shown else None
+        with self._client.atomic():
+            self.camera.update(aircraft, self._view.picture.low, self._view.picture.high)
+            if self._tick % PANEL_TICKS == 0:
+                self._marks.update(Eye(self.camera.eye(), self.camera.pixel_rad()))
+                self._haunt(shown)
+                self._write(shown)
+            if self._tick % PLOT_TICKS == 0:
+                self._dock.update(self._time.now_ns)
+        self._tick += 1
+
+    def clear(self) -> None:
+        """Forget what the flight has forgotten."""
+        self._marks.clear()
+
+    def shown(self) -> State | None:
+        """The state that this viewer sees: the newest, or the one looked back upon."""
+        looks_back = isinstance(self._time, LookBack) and not self._time.playing
+        return self._flight.state_at(self._time.now_ns) if looks_back else self._flight.state
+
+    def _build(self) -> None:
+        gui, scene = self._client.gui, self._flight.scene
+        gui.add_html(html.title(scene))
+        self._head, self._go = gui.add_html(""), gui.add_html("")
+        tabs = gui.add_tab_group()
+        with tabs.add_tab("Flight"):
+            self._numbers = gui.add_html("")
+            self._form = gui.add_dropdown("position as", place.forms(scene))
+            self._place = gui.add_html("")
+            self._player = Player(gui, self._time, self._flight, lambda: self._level.value)
+        with tabs.add_tab("Sensors"):
+            self._sensors = gui.add_html("")
+            with gui.add_folder("Systematic errors"):
+                self._errors = gui.add_html("")
+        with tabs.add_tab("Events"):
+            self._level = gui.add_dropdown("show", tuple(events.LEVELS))
+            self._log = gui.add_html("")
+        with tabs.add_tab("Limits"):
+            self._add_limits()
+        with tabs.add_tab("Show"):
+            self._add_show()
+
+    def _add_limits(self) -> None:
+        gui, limits = self._client.gui, self._view.limits
+        self._limits = {
+            "protection_h_m": gui.add_number("position within m", limits.protection_h_m, min=0.0, step=0.5),
+            "protection_v_m": gui.add_number("height within m", limits.protection_v_m, min=0.0, step=0.5),
+            "refused_share": gui.add_number(
+                "refused share", limits.refused_share, min=0.0, max=1.0, step=0.01
+            ),
+            "silent_s": gui.add_number("silent for s", limits.silent_s, min=0.0, step=0.5),
+        }
+        gui.add_html(
+            html.block('<span class="quiet">0: no such limit. The limits hold for all viewers.</span>')
+        )
+        for name, handle in self._limits.items():
+            handle.on_update(partial(self._limit, name))
+
+    def _add_show(self) -> None:
+        gui = self._client.gui
+        self._camera = gui.add_dropdown("camera", modes(self._flight.scene))
+        self._camera.on_update(lambda event: self.camera.set_mode(event.target.value))
+        gui.add_button("Reset view").on_click(lambda _: self.camera.look())
+        self._paint = gui.add_dropdown("track colour", CHOICES, initial_value=self._view.picture.paint)
+        self._paint.on_update(self._set_paint)
+        self._legend = gui.add_html("")
+        self._boxes = {}
+        for name in LAYERS:
+            box = gui.add_checkbox(NAMES.get(name, name), name not in self._hidden)
+            box.on_update(partial(self._tick_box, name))
+            self._boxes[name] = box
+        self._dark = gui.add_checkbox("dark", self._view.dark)
+        self._dark.on_update(self._set_dark)
+
+    def _add_keys(self) -> None:
+        press, look = self._player.press, self._set_camera
+        keys: list[tuple[str, Key, Callable[[], None]]] = [
+            ("Play or pause", "space", partial(press, player.PLAY)),
+            ("Step back", "J", partial(press, player.BACK)),
+            ("Step forward", "L", partial(press, player.FORTH)),
+            ("Previous event", "pageup", partial(press, player.BEFORE)),
+            ("Next event", "pagedown", partial(press, player.AFTER)),
+            ("Return to now", "N", partial(press, player.NOW)),
+            ("Camera: orbit", "O", partial(look, ORBIT)),
+            ("Camera: follow the aircraft", "F", partial(look, FOLLOW)),
+            ("Camera: from above", "T", partial(look, TOP)),
+            ("Residual sticks", "S", partial(self._toggle, "sticks")),
+        ]
+        numbers: tuple[Key, ...] = ("1", "2", "3", "4", "5", "6", "7", "8", "9")
+        eyes = zip(modes(self._flight.scene)[3:], numbers, strict=False)
+        keys += [(f"Camera: {mode}", key, partial(look, mode)) for mode, key in eyes]
+        for label, key, act in keys:
+            self._client.gui.add_command(label, hotkey=key).on_trigger(partial(_do, act))
+
+    def _write(self, shown: State | None) -> None:
+        flight, view = self._flight, self._view
+        self._player.update()
+        age_s = time.monotonic() - flight.arrived_s
+        mode = self._player.mode()
+        word, colour = status.badge(shown, age_s, mode)
+        old = colour == colours.BAD
+        scene = flight.scene
+        self._head.content = status.head(scene, shown, word, colour, self._tick)
+        found = alarms(view.limits, flight.state, flight.health)
+        lying = lies(flight, flight.state.t_ns if flight.state else 0)
+        texts = [f"{lie.text} ({lie.sigmas:.0f} σ) since {clock(lie.since_ns)}" for lie in lying]
+        self._go.content = status.go(found, texts, demanded=view.limits.demanded) if flight.state else ""
+        self._numbers.content = status.numbers(shown, flight.wind, old=old)
+        self._place.content = place.block(scene, shown, self._form.value, old=old)
+        health_s = time.monotonic() - flight.health_s if mode == "LIVE" else 0.0
+        self._sensors.content = sensors.rows(scene, flight.health, flight.state, view.limits, health_s)
+        self._errors.content = sensors.errors(scene, flight.health)
+        upto_ns = self._time.now_ns
+        self._log.content = events.listed(
+            events.chosen(flight.moments, self._level.value, upto_ns), view.notes()
+        )
+        self._legend.content = legend.shown(
+            scene, view.picture.aircraft.factor, view.picture.paint, view.picture.scale
+        )
+        self._sync()
+
+    def _sync(self) -> None:
+        """Show what another viewer has set for all."""
+        for name, handle in self._limits.items():
+            _set(handle, getattr(self._view.limits, name))
+        _set(self._paint, self._view.picture.paint)
+        _set(self._dark, self._view.dark)
+
+    def _haunt(self, shown: State | None) -> None:
+        """While looking back the aircraft is drawn as it was, in this viewer's page only."""
+        looks_back = isinstance(self._time, LookBack) and not self._time.playing
+        if not looks_back or shown is None:
+            if self._ghost:
+                self._ghost.remove()
+                self._ghost = None
+            return
+        if self._ghost is None:
+            self._ghost = Aircraft(self._client.scene, self._flight.scene.vehicle)
+            self._ghost.set_dark(dark=self._view.dark)
+        self._ghost.say(f"{self._flight.scene.vehicle} at {clock(shown.t_ns)}")
+        place_m = np.array(shown.position_enu_m)
+        self._ghost.move(shown, float(np.linalg.norm(self.camera.eye() - place_m)))
+
+    def _click(self, event: viser.SceneClickEvent) -> None:
+        origin = np.array(event.ray_origin) - self.camera.offset
+        within = PICK_PX * self.camera.pixel_rad()
+        pending = [c for c in self._flight.claims.pending() if c.refused and c.position]
+        outliers = [*self._flight.outliers, *pending] if "outliers" not in self._hidden else []
+        found = hit(origin, event.ray_direction, np.array([c.position for c in outliers]), within)
+        if found is not None:
+            self._view.soon(partial(self._pick, outliers[found]))
+            return
+        rows = self._flight.newest.view
+        found = hit(origin, event.ray_direction, rows["position_enu_m"], within)
+        if found is not None:
+            self._time.seek(int(rows["t_ns"][found]))
+
+    def _pick(self, claim: Claim) -> None:
+        told = others_then(self._flight.residuals, self._flight.claims.pending(), claim, NEAR_NS)
+        self._dock.pick(claim, picked.story(claim, told))
+        self._client.scene.add_label(
+            "/world/outliers/picked", f"{claim.kind} · {claim.sensor}", position=claim.position or (0, 0, 0)
+        )
+
+    def _show(self, layer: str, *, shown: bool) -> None:
+        (self._hidden.discard if shown else self._hidden.add)(layer)
+        if layer not in self._layers:
+            self._layers[layer] = self._client.scene.add_frame(f"/world/{layer}", show_axes=False)
+        self._layers[layer].visible = shown
+
+    def _tick_box(self, layer: str, event: viser.GuiEvent) -> None:
+        self._show(layer, shown=event.target.value)
+
+    def _toggle(self, layer: str) -> None:
+        shown = layer in self._hidden
+        _set(self._boxes[layer], shown)
+        self._show(layer, shown=shown)
+
+    def _set_camera(self, mode: str) -> None:
+        _set(self._camera, mode)
+        self.camera.set_mode(mode)
+
+    def _limit(self, name: str, event: viser.GuiEvent) -> None:
+        if event.client is not None:
+            self._view.limits = self._view.limits._replace(**{name: float(event.target.value)})
+
+    def _set_paint(self, event: viser.GuiEvent) -> None:
+        if event.client is not None:
+            self._view.soon(partial(self._view.picture.set_paint, event.target.value))
+
+    def _set_dark(self, event: viser.GuiEvent) -> None:
+        if event.client is not None:
+            self._view.soon(partial(self._view.set_dark, dark=event.target.value))
+
+
+def _set(handle: Any, value: Any) -> None:
+    """Set a handle that does not say so already; viser's types call it read-only, its manual does not."""
+    if handle.value != value:
+        handle.value = value
+
+
+def _do(act: Callable[[], None], _event: object) -> None:
+    act()
