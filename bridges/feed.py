@@ -36,7 +36,7 @@ from gcs.contract import limits
 from gcs.contract.messages import POLAR, Bad, InputError, PolarMeasurement
 
 if TYPE_CHECKING:  # a bridge is given its bus; zenoh is loaded by whoever opens it
-    from gcs.contract.bus import Bus
+    from gcs.contract.wire.bus import Bus
 
 SIGMAS = {f"sigma_{name}": within for name, within in limits.SIGMA.items()}
 LIMITS = limits.POLAR | SIGMAS

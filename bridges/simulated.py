@@ -34,7 +34,7 @@ from gcs.contract.frames import mount
 from gcs.contract.messages import CHANNELS, POLAR, InputError
 
 if TYPE_CHECKING:  # a bridge is given its bus; zenoh is loaded by whoever opens it
-    from gcs.contract.bus import Bus
+    from gcs.contract.wire.bus import Bus
 
 TRUTH = np.dtype([("t_ns", "i8"), ("lat_deg", "f8"), ("lon_deg", "f8"), ("alt_m", "f8")])
 COLUMNS = {"range_m": 3, "azimuth_deg": 6, "elevation_deg": 6, "range_rate_mps": 3}  # decimals in files

@@ -25,7 +25,7 @@ from web.scene.picture import Picture
 from web.viewer import Viewer
 
 if TYPE_CHECKING:  # zenoh is loaded by whoever opens the bus
-    from gcs.contract.bus import Bus
+    from gcs.contract.wire.bus import Bus
 
 QUEUE = 200_000  # messages; at more than a million a minute the oldest are skipped, counted and shown
 PERIOD_S = 0.1

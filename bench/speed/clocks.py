@@ -25,10 +25,10 @@ from bridges import feed, simulated
 from gcs.contract import config
 from gcs.contract.config import Station
 from gcs.contract.messages import VERDICTS, AirData, Event, InsMeasurement
-from gcs.station import live, replay
 from gcs.station.ledger import NO_TIME
-from gcs.station.replay import MeasuredFlight
 from gcs.station.session import Session, Update
+from gcs.station.sources import live, replay
+from gcs.station.sources.replay import MeasuredFlight
 
 S = 1_000_000_000
 TURN_NS = 10_000_000

@@ -19,8 +19,8 @@ from pathlib import Path
 import numpy as np
 
 from bench.speed import live
-from gcs.contract.bus import Bus
 from gcs.contract.messages import Event, State
+from gcs.contract.wire.bus import Bus
 
 VICTIM = "theo-north"
 BETWEEN_S = 3.0, 5.0  # faults are so far apart, at random
@@ -78,7 +78,7 @@ class Range:
 
 ROUTER = """
 import sys, threading
-from gcs.contract.bus import Bus
+from gcs.contract.wire.bus import Bus
 with Bus.open("demo", "router", endpoint=sys.argv[1]):
     threading.Event().wait()
 """

@@ -16,8 +16,8 @@ from pathlib import Path
 import numpy as np
 
 from bench.speed import live
-from gcs.contract.bus import Bus
 from gcs.contract.messages import PolarMeasurement
+from gcs.contract.wire.bus import Bus
 
 WILD = "radar-1"
 CALM_S, AFTER_S = 15.0, 5.0  # before the flood, for comparison; after it

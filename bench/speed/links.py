@@ -26,8 +26,8 @@ from bridges.tlog import tlog
 from gcs.contract.config import Position, RangeSection, Station, VehicleSection
 from gcs.contract.frames import Frame
 from gcs.contract.messages import AirData
-from gcs.station import live, replay
 from gcs.station.session import Session, Update
+from gcs.station.sources import live, replay
 
 TURN_NS = 20_000_000
 MATCH_NS = 300_000_000  # of an epoch that both have, carried on by its velocity: stamps of a link differ

@@ -21,8 +21,8 @@ from pathlib import Path
 import pymap3d
 import zenoh
 
-from gcs.contract.bus import Bus
 from gcs.contract.messages import InsMeasurement, PolarMeasurement, State
+from gcs.contract.wire.bus import Bus
 
 ENDPOINT = "tcp/127.0.0.1:17447"
 ORIGIN = (-35.363261, 149.16523, 584.0)

@@ -20,7 +20,7 @@ from gcs.contract import config
 from gcs.outputs.console import say
 from gcs.outputs.disk import RunFile, to_operator
 from gcs.outputs.recording import McapFile
-from gcs.station.recording import RECORDING, STATION, Recording
+from gcs.station.sources.recording import RECORDING, STATION, Recording
 
 TABLES = ("track.csv", "smoothed.csv", "verdicts.csv")
 PORTS = "bus.endpoint=tcp/127.0.0.1:21447", "mavlink.link=udpin:127.0.0.1:21550"

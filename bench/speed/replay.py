@@ -23,8 +23,8 @@ from bridges.tlog import tlog
 from filters import methods
 from gcs.contract import config
 from gcs.outputs.record import Record
-from gcs.station import replay
 from gcs.station.session import Session
+from gcs.station.sources import replay
 
 SAMPLE = Path(__file__).resolve().parents[2] / "logs" / "sample"
 NAMES = ("theo-north", "theo-east", "radar-1")

@@ -17,7 +17,7 @@ from gcs.contract.messages import AirData, Bad, Event, InputError, InsMeasuremen
 from gcs.contract.steady import now_ns
 
 if TYPE_CHECKING:  # a bridge is given its bus; zenoh is loaded by whoever opens it
-    from gcs.contract.bus import Bus
+    from gcs.contract.wire.bus import Bus
 
 RETRY_S = 1.0  # between two attempts to open a link that was there
 SILENT_S = 5.0  # a link without the vehicle for so long is reported

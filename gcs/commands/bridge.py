@@ -21,7 +21,7 @@ from gcs.outputs.disk import to_operator
 from gcs.outputs.tlog import LinkLog
 
 if TYPE_CHECKING:
-    from gcs.contract.bus import Bus
+    from gcs.contract.wire.bus import Bus
 
 command = App(name="bridge", help="One bridge alone, on whichever machine the instrument hangs on.")
 

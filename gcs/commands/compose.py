@@ -15,18 +15,18 @@ from gcs.outputs.diary import Diary
 from gcs.outputs.disk import Tell, to_operator
 from gcs.outputs.publish import Publisher, Target
 from gcs.station.health import Feeds, Files, Monitor
-from gcs.station.replay import Playback
 from gcs.station.session import Session, Sink
+from gcs.station.sources.replay import Playback
 
 if TYPE_CHECKING:
-    from gcs.contract.bus import Bus
+    from gcs.contract.wire.bus import Bus
     from web.view import View
 
 
 def open_bus(station: Station, **options: Any) -> "Bus":
     """The station's bus, as its file says."""
-    from gcs.contract.bus import Bus  # zenoh is not needed by a replay into files
     from gcs.contract.messages import JSON, MSGPACK
+    from gcs.contract.wire.bus import Bus  # zenoh is not needed by a replay into files
 
     media = MSGPACK if station.bus.media == "msgpack" else JSON
     names = station.range.name, station.vehicle.name

@@ -27,10 +27,11 @@ from gcs.contract.messages import InputError
 from gcs.learning.network import correction_of
 from gcs.outputs.console import say
 from gcs.outputs.record import Record, stamp
-from gcs.station import replay as driver
 from gcs.station.health import Files
-from gcs.station.recording import RECORDING, STATION, Recording
-from gcs.station.session import Session
+from gcs.station.session import Session, Sink
+from gcs.station.sources import replay as driver
+from gcs.station.sources.playback import Playback
+from gcs.station.sources.recording import RECORDING, STATION, Recording
 
 
 def command(
@@ -60,7 +61,7 @@ def command(
         say(f"{flight}: flown with a correction network; --correction FILE gives the same result again")
     estimator = known_method(method or recorded.get("method", "default"))
     folder = run_folder(out or Path("logs/runs") / stamp(loaded.start_ns))
-    playback = driver.Playback(loaded.start_ns, loaded.end_ns, loaded.times_ns, pace)
+    playback = Playback(loaded.start_ns, loaded.end_ns, loaded.times_ns, pace)
     records: list[Record] = []
     with ExitStack() as stack:
         bus = stack.enter_context(open_bus(heard)) if publish else None
@@ -74,7 +75,7 @@ def command(
                 shown.clear()
             send_to = targets(bus, shown)
             records.append(Record(folder, heard, frame, announcer(send_to)))
-            kept = [records[-1], diary(folder, heard)]
+            kept: list[Sink] = [records[-1], diary(folder, heard)]
             return new_session(heard, frame, kept, estimator, send_to, Files(), learned)
 
         on_signal(playback.stop)

@@ -27,11 +27,11 @@ from gcs.outputs.outbox import Outbox
 from gcs.outputs.publish import Target
 from gcs.outputs.record import stamp
 from gcs.outputs.recording import RunRecorder
-from gcs.station import live
-from gcs.station.session import Session
+from gcs.station.session import Session, Sink
+from gcs.station.sources import live
 
 if TYPE_CHECKING:
-    from gcs.contract.bus import Bus
+    from gcs.contract.wire.bus import Bus
 
 LAST_TRIES = 20  # failures of the loop without a minute's work between them: nothing can go on
 
@@ -74,7 +74,8 @@ def serve(
         about["correction"] = "off" if correction is off else "on"
         recorder = RunRecorder(folder, station, frame, _log, about)
         stack.callback(recorder.end)
-        told, records = [*send_to, _note, recorder.target], [recorder, diary(folder, station)]
+        told = [*send_to, _note, recorder.target]
+        records: list[Sink] = [recorder, diary(folder, station)]
         session = new_session(station, frame, records, method, told, feeds, correction, supervisor.health)
         supervisor.others = session.supervise()
         still = scene(station, frame)

@@ -2,7 +2,7 @@
 
 The session's thread only hands over; one thread of its own encodes and writes. What it has no room for, for
 the disk is too slow or hangs, is refused and counted, and the fusion goes on.
-The layout of the recording: ``gcs/station/recording.py``.
+The layout of the recording: ``gcs/station/sources/recording.py``.
 """
 
 import time
@@ -24,9 +24,9 @@ from gcs.outputs import foxglove
 from gcs.outputs.disk import WAITING_WORK, Beside, RunFile, Tell
 from gcs.outputs.record import Record
 from gcs.outputs.tlog import LinkLog
-from gcs.station.live import Arrived
-from gcs.station.recording import ABOUT, RAW, RECORDING, STATION, TURN, TurnMark
 from gcs.station.session import Update
+from gcs.station.sources.live import Arrived
+from gcs.station.sources.recording import ABOUT, RAW, RECORDING, STATION, TURN, TurnMark
 
 LINK = "link.tlog"
 FLUSH_S = 0.3  # a kill costs at most so much, and what has come in since the last turn

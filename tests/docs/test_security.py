@@ -19,9 +19,9 @@ from websockets.http11 import Request
 
 from gcs.commands.compose import open_bus
 from gcs.contract import config
-from gcs.contract.bus import Bus, BusError
 from gcs.contract.config import TlsSection
 from gcs.contract.messages import Event, InputError, encode
+from gcs.contract.wire.bus import Bus, BusError
 from tests.gcs.contract.ends import collect, shot, state, until
 from web.origins import refusal
 

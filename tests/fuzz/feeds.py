@@ -21,9 +21,9 @@ from bridges.instant import time_ns
 from bridges.instruments import KINDS
 from bridges.mavlink.mavlink import Decoder
 from gcs.contract import config, limits, messages
-from gcs.contract.bus import NOT_OURS
 from gcs.contract.frames import Frame
 from gcs.contract.messages import JSON, MSGPACK, AirData, Bad, InputError, InsMeasurement, PolarMeasurement
+from gcs.contract.wire.bus import NOT_OURS
 from gcs.station.session import Session
 from tests.bridges.flights import flight, packed
 from tests.fuzz import mutate, texts

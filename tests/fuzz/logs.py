@@ -20,8 +20,8 @@ from bridges.tlog import scan
 from gcs.commands.replay import command
 from gcs.contract import config
 from gcs.contract.messages import VERDICTS, InputError
-from gcs.station import replay
 from gcs.station.session import Session
+from gcs.station.sources import replay
 from tests.fuzz import mutate
 from tests.fuzz.mutate import Bytes
 

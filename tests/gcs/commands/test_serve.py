@@ -12,8 +12,8 @@ import pytest
 from bridges.mavlink import mavlink
 from gcs.commands.serve import serve
 from gcs.contract import config, supervision
-from gcs.contract.bus import Bus
 from gcs.contract.messages import Event, Health, InputError, PolarMeasurement, State
+from gcs.contract.wire.bus import Bus
 from gcs.outputs.record import Record
 from tests.gcs.contract.ends import process, until
 

@@ -4,8 +4,8 @@ import socket
 
 import pytest
 
-from gcs.contract import bus as bus_module
-from gcs.contract.bus import Bus
+from gcs.contract.wire import bus as bus_module
+from gcs.contract.wire.bus import Bus
 
 
 @pytest.fixture

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import zenoh
 
-from gcs.contract.bus import Bus
 from gcs.contract.messages import PolarMeasurement, State
+from gcs.contract.wire.bus import Bus
 
 ROOT = Path(__file__).parents[3]
 
@@ -22,7 +22,7 @@ def client(endpoint: str, **options) -> Bus:
 @contextlib.contextmanager
 def process(code: str, *arguments: str):
     """A Python process with the bus imported; killed at the end if it is still there."""
-    imports = "import sys, time\nfrom gcs.contract.bus import Bus\nfrom gcs.contract.messages import *\n"
+    imports = "import sys, time\nfrom gcs.contract.wire.bus import Bus\nfrom gcs.contract.messages import *\n"
     command = [sys.executable, "-u", "-c", imports + code, *arguments]
     running = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     try:

@@ -16,7 +16,7 @@ from filters.models.rows import TRACK
 from gcs.contract.messages import Event
 from gcs.outputs import disk, recording
 from gcs.outputs.recording import RunRecorder
-from gcs.station.recording import Recording
+from gcs.station.sources.recording import Recording
 from tests.bridges import flights
 from tests.gcs.contract.ends import until
 from tests.gcs.station import made

@@ -7,7 +7,7 @@ import numpy as np
 from gcs.contract import config
 from gcs.contract.frames import Frame, origin_frame
 from gcs.contract.messages import AIR, INS, POLAR, AirData, Bad, InsMeasurement, PolarMeasurement
-from gcs.station import live, replay
+from gcs.station.sources import live, replay
 
 SAMPLE = Path(__file__).resolve().parents[3] / "logs" / "sample"
 FEEDS = {name: SAMPLE / f"{name}.csv" for name in ("theo-north", "theo-east", "radar-1")}

@@ -13,9 +13,10 @@ from filters.wind.wind import true_airspeed
 from gcs.contract import config
 from gcs.contract.messages import AIR, Event, Wind
 from gcs.outputs.record import Record
-from gcs.station import replay
 from gcs.station.air import LOST_NS, Air
 from gcs.station.session import Session
+from gcs.station.sources import replay
+from gcs.station.sources.playback import Playback
 from tests.bridges.flights import without_fix
 
 DATA = Path(__file__).parents[3] / "../shared/data"
@@ -168,7 +169,7 @@ def test_a_recorded_flight_without_any_position_for_a_minute():
     replay.run(
         loaded,
         lambda: session,
-        replay.Playback(loaded.start_ns, loaded.end_ns, loaded.times_ns, float("inf")),
+        Playback(loaded.start_ns, loaded.end_ns, loaded.times_ns, float("inf")),
         stay=False,
     )
     track = np.concatenate(kept.track)

@@ -57,20 +57,19 @@ def health(told) -> Health:
     return [message for message in told if isinstance(message, Health)][-1]
 
 
-def test_a_changed_verdict_is_counted_once_and_as_what_it_is_now():
 def test_systematic_errors_are_told_in_degrees():
     angle = {"value": 0.001, "sigma": 0.0001, "prior_sigma": 0.01, "unit": "rad", "observable": True}
     clock = {"value": 0.02, "sigma": 0.05, "prior_sigma": 0.05, "unit": "s", "observable": False}
     found = {"sensors": {"radar": {"errors": {"azimuth": angle, "clock": clock}}}}
     told = run(Monitor(["radar"], Files()), update([S])._replace(report=lambda: found))
-    errors = told[0].sensors["radar"].errors
+    errors = health(told).sensors["radar"].errors
     assert (errors["azimuth"].unit, errors["azimuth"].known) == ("deg", True)
     assert np.isclose(errors["azimuth"].value, np.degrees(0.001))
     assert np.isclose(errors["azimuth"].sigma, np.degrees(0.0001))
     assert (errors["clock"].value, errors["clock"].unit, errors["clock"].known) == (0.02, "s", False)
 
 
-def test_a_changed_verdict_is_not_counted_twice():
+def test_a_changed_verdict_is_counted_once_and_as_what_it_is_now():
     monitor = Monitor(["radar"], Files())
     told = run(
         monitor,

@@ -11,8 +11,8 @@ from gcs.commands.options import Method
 from gcs.contract import config
 from gcs.contract.messages import InputError
 from gcs.outputs.record import Record
-from gcs.station import replay
 from gcs.station.session import Session
+from gcs.station.sources import replay
 
 SAMPLE = Path(__file__).resolve().parents[3] / "logs" / "sample"
 SECONDS = 4.0

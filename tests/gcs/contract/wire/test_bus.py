@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from gcs.contract import bus as bus_module
-from gcs.contract.bus import Bus, BusError
 from gcs.contract.messages import MSGPACK, Bad, Event, schema
+from gcs.contract.wire import bus as bus_module
+from gcs.contract.wire.bus import Bus, BusError
 from tests.gcs.contract.ends import ROOT, client, collect, plain_zenoh, process, shot, state, until
 
 pytestmark = pytest.mark.network

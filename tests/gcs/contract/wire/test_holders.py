@@ -4,9 +4,9 @@ import time
 
 import pytest
 
-from gcs.contract.bus import Bus
-from gcs.contract.holders import AGAIN_S, OTHER, QUIET_S, Holders
 from gcs.contract.messages import Bad, PolarMeasurement
+from gcs.contract.wire.bus import Bus
+from gcs.contract.wire.holders import AGAIN_S, OTHER, QUIET_S, Holders
 from tests.gcs.contract.ends import client, collect, plain_zenoh, state, until
 
 KEY = "demo/uav1/raw/theo-north"

@@ -1,6 +1,6 @@
 """Hashes of what a run was made of."""
 
-from gcs.station.inputs import digests
+from gcs.station.sources.inputs import digests
 
 
 def test_the_hash_is_that_of_the_bytes(tmp_path):

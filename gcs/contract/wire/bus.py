@@ -31,12 +31,12 @@ import zenoh
 from zenoh import ext
 
 from gcs.contract.config import BusSection, TlsSection
-from gcs.contract.holders import Holders
-from gcs.contract.inbox import Inbox, Limits
 from gcs.contract.messages import ANY, JSON, InputError, encode
-from gcs.contract.subscription import Sample, Subscription
 from gcs.contract.supervision import guarded
-from gcs.contract.tls import shown
+from gcs.contract.wire.holders import Holders
+from gcs.contract.wire.inbox import Inbox, Limits
+from gcs.contract.wire.subscription import Sample, Subscription
+from gcs.contract.wire.tls import shown
 
 ENDPOINT = BusSection().endpoint
 KEEP = 2_000  # samples each key keeps for late joiners and recovery: 20 s at 100 Hz

@@ -12,17 +12,16 @@ import pytest
 
 from gcs.contract import config
 from gcs.outputs.record import Record
-from gcs.station import replay
 from gcs.station.ledger import NO_TIME
 from gcs.station.session import Session
+from gcs.station.sources import replay
+from gcs.station.sources.playback import EMPTY_NS, STEP_NS, Playback
 
 SAMPLE = Path(__file__).resolve().parents[3] / "logs" / "sample"
 FEEDS = {name: SAMPLE / f"{name}.csv" for name in ("theo-north", "theo-east", "radar-1")}
 
 
-def play(
-    out: Path, feeds: dict[str, Path], step_ns: int = replay.STEP_NS
-) -> tuple[replay.MeasuredFlight, dict]:
+def play(out: Path, feeds: dict[str, Path], step_ns: int = STEP_NS) -> tuple[replay.MeasuredFlight, dict]:
     """Replay the sample flight into ``out``, ``step_ns`` of data at a time."""
     station = config.load(SAMPLE / "station.toml")
     flight = replay.load(SAMPLE / "flight.tlog", station, feeds)
@@ -160,17 +159,17 @@ def test_a_run_that_is_cut_off_leaves_what_was_final(tmp_path):
 
 
 def test_playback_pauses_seeks_and_ends():
-    playback = replay.Playback(0, 10 * replay.STEP_NS, np.arange(0, 10 * replay.STEP_NS, 10**8), float("inf"))
-    assert playback.upto() == replay.STEP_NS
+    playback = Playback(0, 10 * STEP_NS, np.arange(0, 10 * STEP_NS, 10**8), float("inf"))
+    assert playback.upto() == STEP_NS
     playback.pause()
-    playback.seek(5 * replay.STEP_NS)
-    assert [playback.upto() for _ in range(4)] == [k * replay.STEP_NS for k in (2, 3, 4, 5)]
+    playback.seek(5 * STEP_NS)
+    assert [playback.upto() for _ in range(4)] == [k * STEP_NS for k in (2, 3, 4, 5)]
     playback.seek(0)
     assert playback.upto() is None
     playback.play()
-    assert playback.upto() == replay.STEP_NS
+    assert playback.upto() == STEP_NS
     playback.stop()
-    assert playback.upto() == replay.STEP_NS
+    assert playback.upto() == STEP_NS
 
 
 YEARS_NS = 5 * 365 * 86_400 * 10**9
@@ -179,17 +178,17 @@ YEARS_NS = 5 * 365 * 86_400 * 10**9
 @pytest.mark.parametrize("speed", [10.0, float("inf")])
 def test_years_between_two_logs_are_passed_over(speed):
     """Two seconds of data, five years of nothing, two seconds: as long as four seconds."""
-    second = np.arange(0, 2 * replay.STEP_NS, 10**8)
+    second = np.arange(0, 2 * STEP_NS, 10**8)
     times_ns = np.concatenate([second, YEARS_NS + second])
     end_ns = int(times_ns[-1])
-    playback = replay.Playback(0, end_ns, times_ns, speed)
+    playback = Playback(0, end_ns, times_ns, speed)
     steps = []
     while not steps or steps[-1] < end_ns:
         steps.append(playback.upto())
         time.sleep(0.001)
         assert len(steps) < 10_000
     assert steps == sorted(steps)
-    assert not [step for step in steps if replay.EMPTY_NS < step < YEARS_NS]
+    assert not [step for step in steps if EMPTY_NS < step < YEARS_NS]
     playback.pause()
     playback.seek(0)
     assert playback.upto() is None
@@ -212,7 +211,7 @@ def test_feeds_alone_are_a_flight(tmp_path):
     flight = replay.load(None, station, feeds)
     station = replay.heard(station, feeds)
     assert [sensor.name for sensor in station.sensor] == list(feeds)
-    playback = replay.Playback(flight.start_ns, flight.end_ns, flight.times_ns, float("inf"))
+    playback = Playback(flight.start_ns, flight.end_ns, flight.times_ns, float("inf"))
 
     def session() -> Session:
         return Session(station, flight.frame, [Record(tmp_path, station, flight.frame)])

@@ -5,9 +5,9 @@ import pytest
 
 from bench.speed import clocks
 from gcs.contract.messages import Bad, PolarMeasurement
-from gcs.station import live
-from gcs.station.clocks import S
 from gcs.station.session import Session
+from gcs.station.sources import live
+from gcs.station.sources.clocks import S
 
 SECONDS = 9.0
 

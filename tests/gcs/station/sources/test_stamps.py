@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gcs.station.stamps import OwnPath, S, Sightings, check
+from gcs.station.sources.stamps import OwnPath, S, Sightings, check
 
 T0_NS = 1_767_225_600 * S
 SITES = {"theo-a": (1200.0, 0.0, 0.0), "theo-b": (0.0, 1300.0, 10.0), "radar": (-1000.0, -800.0, 0.0)}

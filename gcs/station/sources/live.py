@@ -11,11 +11,11 @@ import numpy as np
 from gcs.contract import messages
 from gcs.contract.messages import ANY, AirData, Bad, Event, InsMeasurement, PolarMeasurement
 from gcs.contract.steady import now_ns
-from gcs.station.clocks import FAULTS, FlightClock
 from gcs.station.session import Session
+from gcs.station.sources.clocks import FAULTS, FlightClock
 
 if TYPE_CHECKING:  # a replay of a recording takes the same turns, and needs no zenoh
-    from gcs.contract.bus import Bus
+    from gcs.contract.wire.bus import Bus
 
 SETTLE_S = 1.0  # a restarted station is given what the bridges kept; all of it, before the first row goes in
 POLL_S = 0.01  # how long one turn waits for the first measurement; also how often a hold can run out

@@ -29,8 +29,8 @@ from mcap.stream_reader import StreamReader, breakup_chunk
 
 from gcs.contract import messages
 from gcs.contract.messages import ANY, InputError
-from gcs.station import live
 from gcs.station.session import Session
+from gcs.station.sources import live
 
 RECORDING = "run.mcap"
 STATION, ABOUT = "station.toml", "gcs"

@@ -14,10 +14,11 @@ from gcs.outputs import recording as writing
 from gcs.outputs.publish import Publisher
 from gcs.outputs.record import Record
 from gcs.outputs.recording import RunRecorder
-from gcs.station import replay
 from gcs.station.health import Files, Monitor
-from gcs.station.recording import Recording
 from gcs.station.session import Session
+from gcs.station.sources import replay
+from gcs.station.sources.playback import Playback
+from gcs.station.sources.recording import Recording
 from tests.gcs.station import made
 
 TABLES = ("track.csv", "smoothed.csv", "verdicts.csv", "station.toml")
@@ -52,7 +53,7 @@ def write(path, turns):
 def play(path, folder) -> dict:
     recording = Recording(path)
     station, frame = made.station()
-    playback = replay.Playback(recording.start_ns, recording.end_ns, recording.times_ns, float("inf"))
+    playback = Playback(recording.start_ns, recording.end_ns, recording.times_ns, float("inf"))
     return replay.run(
         recording,
         lambda: Session(station, frame, [Record(folder, station, frame, nobody)]),

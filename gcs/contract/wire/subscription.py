@@ -7,10 +7,10 @@ from typing import Any, Protocol
 
 import msgspec
 
-from gcs.contract.holders import OTHER, Holders
-from gcs.contract.inbox import Excess, Inbox
 from gcs.contract.limits import TEXT
 from gcs.contract.messages import ANY, Bad, decode
+from gcs.contract.wire.holders import OTHER, Holders
+from gcs.contract.wire.inbox import Excess, Inbox
 
 PUBLISHERS = 4_096  # whose last number is remembered; each restart of a bridge is a new one
 TURN = 60  # live messages of one turn: at worst some 0.1 s of work, then a stop or a flood is noticed

@@ -4,9 +4,9 @@ import threading
 
 import pytest
 
-from gcs.contract import inbox
-from gcs.contract.inbox import Excess, Inbox, Limits
 from gcs.contract.limits import LARGEST_BYTES
+from gcs.contract.wire import inbox
+from gcs.contract.wire.inbox import Excess, Inbox, Limits
 
 
 @pytest.fixture

@@ -5,7 +5,7 @@ from collections import defaultdict
 import numpy as np
 import pytest
 
-from gcs.station.clocks import FlightClock, S
+from gcs.station.sources.clocks import FlightClock, S
 
 BEGAN_NS = 1_767_225_600 * S
 RATES_HZ = {"ins": 50.0, "theo-a": 20.0, "theo-b": 20.0, "radar": 0.25}

@@ -12,13 +12,13 @@ import pytest
 from bridges import feed
 from filters.models.rows import TRACK
 from gcs.contract import config
-from gcs.contract.bus import Bus
 from gcs.contract.messages import INS, InsMeasurement, PolarMeasurement
+from gcs.contract.wire.bus import Bus
 from gcs.outputs.publish import Publisher
 from gcs.outputs.record import Record
-from gcs.station import live, replay
 from gcs.station.health import Monitor
 from gcs.station.session import Session
+from gcs.station.sources import live, replay
 
 pytestmark = [pytest.mark.network, pytest.mark.slow]
 

@@ -1,0 +1,1 @@
+"""How messages travel: the bus, what waits of each source, who may write a key, certificates."""
