@@ -19,7 +19,7 @@ from gcs.contract.messages import ANY, InputError, Scene
 from gcs.contract.supervision import Part
 from web.memory.flight import SeenFlight
 from web.origins import only
-from web.panel.limits import Limits
+from web.panel.limits import OperatorLimits
 from web.panel.player import Playable
 from web.scene.picture import Picture
 from web.viewer import Viewer
@@ -53,7 +53,7 @@ class View:
             self._stop_server()
             raise ViewError(f"port {port} is in use: stop the program that holds it, or take another port")
         self.url = f"http://127.0.0.1:{port}"
-        self.flight, self.playback, self.limits = SeenFlight(scene), playback, Limits()
+        self.flight, self.playback, self.limits = SeenFlight(scene), playback, OperatorLimits()
         self.dark = False
         self._queue: deque = deque(maxlen=QUEUE)
         self._todo: deque[Callable[[], None]] = deque()

@@ -23,7 +23,7 @@ from bridges.mavlink.mavlink import Decoder
 from gcs.contract import config, limits, messages
 from gcs.contract.frames import Frame
 from gcs.contract.messages import JSON, MSGPACK, AirData, Bad, InputError, InsMeasurement, PolarMeasurement
-from gcs.contract.wire.bus import NOT_OURS
+from gcs.contract.wire.subscription import NOT_OURS
 from gcs.station.session import Session
 from tests.bridges.flights import flight, packed
 from tests.fuzz import mutate, texts

@@ -40,7 +40,7 @@ TEXTS = {"sensor", "channel", "verdict", "reason"}  # columns of verdicts.csv th
 MAY_BE_EMPTY = {"t_ns", "value", "predicted", "sigma", "protection_h_m", "protection_v_m"}
 
 
-class Log(NamedTuple):
+class FuzzedLog(NamedTuple):
     """A real log: its bytes and its good frames."""
 
     name: str
@@ -54,7 +54,7 @@ class Log(NamedTuple):
 class DamagedLog(NamedTuple):
     """One damaged log."""
 
-    log: Log
+    log: FuzzedLog
     seed: int
     damaged: Bytes
 
@@ -63,17 +63,17 @@ def path_of(name: str) -> Path:
     return SAMPLE / "flight.tlog" if name == "sample" else DATA / f"{name}.tlog"
 
 
-def opened(name: str) -> Log:
+def opened(name: str) -> FuzzedLog:
     """The undamaged log; the existing tests hold its frames against pymavlink's own reading."""
     data = np.fromfile(path_of(name), np.uint8)
     frames = scan.scan(data)
     frames = frames[frames["kind"] == scan.GOOD]
     lengths = scan.sizes(data, frames)
     system_id = REAL.get(name) or config.load(SAMPLE / "station.toml").vehicle.system_id or 1
-    return Log(name, system_id, data, frames["offset"], lengths, frames["msgid"])
+    return FuzzedLog(name, system_id, data, frames["offset"], lengths, frames["msgid"])
 
 
-def case(log: Log, seed: int, longest: int) -> DamagedLog:
+def case(log: FuzzedLog, seed: int, longest: int) -> DamagedLog:
     """A piece of the log, at most ``longest`` bytes, with a few or many things wrong with it."""
     rng = random.Random(f"{log.name} {seed}")
     size = min(log.data.size, int(longest * 2 ** rng.uniform(-3.0, 0.0)))

@@ -24,7 +24,7 @@ KINDS = [
 ]
 
 
-def log_of(name: str) -> logs.Log:
+def log_of(name: str) -> logs.FuzzedLog:
     if not logs.path_of(name).is_file():
         pytest.skip(f"{name}: no flights in shared/data")
     return logs.opened(name)

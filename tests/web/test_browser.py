@@ -13,7 +13,7 @@ import pytest
 
 from tests.web import browser, flight
 from tests.web.page import S, Tape, blue, canvas, choose, opened, picture, pixel, red, tab, until
-from web.panel.limits import Limits
+from web.panel.limits import OperatorLimits
 from web.view import View
 
 MISSING = [
@@ -76,11 +76,11 @@ def test_the_position_is_told_as_an_instrument_has_to_point(page):
 
 
 def test_a_limit_that_is_broken_alarms(page, view):
-    tab(page, "Limits")
+    tab(page, "OperatorLimits")
     page.get_by_label("height within m").fill("5")
     page.get_by_label("height within m").press("Enter")
     page.get_by_text("height holds within 6.4 m, 5 m is demanded").wait_for()
-    view.limits = Limits(protection_v_m=9.0, silent_s=0.0)
+    view.limits = OperatorLimits(protection_v_m=9.0, silent_s=0.0)
     page.get_by_text("within all limits").wait_for()
 
 

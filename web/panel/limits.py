@@ -5,7 +5,7 @@ from typing import NamedTuple
 from gcs.contract.messages import Health, State
 
 
-class Limits(NamedTuple):
+class OperatorLimits(NamedTuple):
     """Zero: no such limit."""
 
     protection_h_m: float = 0.0
@@ -19,7 +19,7 @@ class Limits(NamedTuple):
         return self.protection_h_m > 0.0 or self.protection_v_m > 0.0
 
 
-def alarms(limits: Limits, state: State | None, health: Health | None) -> list[str]:
+def alarms(limits: OperatorLimits, state: State | None, health: Health | None) -> list[str]:
     """What is not as demanded, in plain words, the position first."""
     if state is None:
         return ["there is no position"]

@@ -6,7 +6,7 @@ from gcs.contract.messages import Health, Scene, SensorHealth, State, Systematic
 from web.look import colours
 from web.look.colours import Colour
 from web.look.html import aged, block, inked, swatch, table
-from web.panel.limits import Limits
+from web.panel.limits import OperatorLimits
 
 LATE_SHARE = 0.25  # of the limit: from here on amber
 QUEUE_S = 1.0  # measurements that wait longer: the machine is too slow
@@ -20,7 +20,7 @@ SHOWN = {
 
 
 def rows(
-    scene: Scene, health: Health | None, state: State | None, limits: Limits, health_age_s: float
+    scene: Scene, health: Health | None, state: State | None, limits: OperatorLimits, health_age_s: float
 ) -> str:
     """Every sensor's link, rate, age, delay and refused share. ``state`` is the newest one."""
     if health is None:
@@ -79,7 +79,7 @@ def in_order(scene: Scene, health: Health) -> list[tuple[str, SensorHealth]]:
     return sorted(health.sensors.items(), key=lambda item: [*named, item[0]].index(item[0]))
 
 
-def condition(sensor: SensorHealth, age_s: float | None, limits: Limits) -> tuple[str, Colour]:
+def condition(sensor: SensorHealth, age_s: float | None, limits: OperatorLimits) -> tuple[str, Colour]:
     """A sensor in one word; ``age_s`` of its newest measurement, None before the first."""
     if not sensor.alive:
         return "gone", colours.BAD
@@ -89,7 +89,7 @@ def condition(sensor: SensorHealth, age_s: float | None, limits: Limits) -> tupl
     return ("silent", colours.BAD) if silent else ("ok", colours.GOOD)
 
 
-def share_colour(share: float, limits: Limits) -> Colour | None:
+def share_colour(share: float, limits: OperatorLimits) -> Colour | None:
     limit = limits.refused_share
     if limit <= 0.0 or share <= LATE_SHARE * limit:
         return None

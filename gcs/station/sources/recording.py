@@ -37,7 +37,7 @@ STATION, ABOUT = "station.toml", "gcs"
 TURN, RAW = "/turn", "/raw"
 MEDIA = {"json": messages.JSON, "msgpack": messages.MSGPACK}
 LARGEST = 2**28  # bytes of one record; a length beyond it is damage
-DAMAGE = (McapError, zstandard.ZstdError, struct.error, ValueError)
+DAMAGE = (McapError, zstandard.ZstdError, struct.error, ValueError, MemoryError)  # a length that is wrong
 
 
 class TurnMark(msgspec.Struct, frozen=True):

@@ -6,13 +6,13 @@ import pytest
 from gcs.contract.messages import Health, SystematicError
 from tests.web.flight import SCENE, messages
 from web.panel import sensors
-from web.panel.limits import Limits
+from web.panel.limits import OperatorLimits
 
 HEALTH = next(m for m, _ in messages(3.0) if isinstance(m, Health))
 
 
 def table(health: Health | None, age_s: float = 0.0) -> str:
-    return sensors.rows(SCENE, health, None, Limits(), age_s)
+    return sensors.rows(SCENE, health, None, OperatorLimits(), age_s)
 
 
 def test_a_sensor_says_rate_share_and_delay():
@@ -57,8 +57,8 @@ def test_the_errors_tell_value_sigma_and_whether_they_are_shown():
 
 
 def test_a_share_turns_amber_before_its_limit():
-    limits = Limits(refused_share=0.2)
+    limits = OperatorLimits(refused_share=0.2)
     shades = [sensors.share_colour(share, limits) for share in (0.04, 0.1, 0.3)]
     assert shades[0] is None
     assert len(set(shades)) == 3
-    assert sensors.share_colour(0.9, Limits(refused_share=0.0)) is None
+    assert sensors.share_colour(0.9, OperatorLimits(refused_share=0.0)) is None

@@ -22,7 +22,7 @@ from gcs.station.sources import live, replay
 
 pytestmark = [pytest.mark.network, pytest.mark.slow]
 
-SAMPLE = Path(__file__).resolve().parents[3] / "logs" / "sample"
+SAMPLE = Path(__file__).resolve().parents[4] / "logs" / "sample"
 FEEDS = {name: SAMPLE / f"{name}.csv" for name in ("theo-north", "theo-east", "radar-1")}
 SECONDS, SPEED = 12.0, 2.0  # of the flight, from before take-off
 

@@ -17,7 +17,7 @@ from gcs.station.session import Session
 from gcs.station.sources import replay
 from gcs.station.sources.playback import EMPTY_NS, STEP_NS, Playback
 
-SAMPLE = Path(__file__).resolve().parents[3] / "logs" / "sample"
+SAMPLE = Path(__file__).resolve().parents[4] / "logs" / "sample"
 FEEDS = {name: SAMPLE / f"{name}.csv" for name in ("theo-north", "theo-east", "radar-1")}
 
 
@@ -241,4 +241,4 @@ def test_a_lone_instrument_starts_though_its_channels_are_of_different_instants(
     counts = session.finish({})["verdicts"]["theo-north"]
     assert set(counts) == {"range", "azimuth", "elevation"}
     for channel in counts.values():
-        assert channel["used"] + channel["deweighted"] > 0.9 * sum(channel.values())
+        assert channel.get("used", 0) + channel.get("deweighted", 0) > 0.9 * sum(channel.values())
