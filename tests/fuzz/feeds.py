@@ -19,7 +19,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from bridges import feed
 from bridges.instant import time_ns
 from bridges.instruments import KINDS
-from bridges.mavlink.mavlink import Decoder
+from bridges.mavlink.decoder import Decoder
 from gcs.contract import config, limits, messages
 from gcs.contract.frames import Frame
 from gcs.contract.messages import JSON, MSGPACK, AirData, Bad, InputError, InsMeasurement, PolarMeasurement
@@ -155,8 +155,7 @@ def _wrong_frames(data: bytes) -> str:
     link, decoder = dialect.MAVLink(None), copy.deepcopy(_flown())
     link.robust_parsing = True
     for message in link.parse_buffer(data) or ():
-        found = decoder.decode(message, ARRIVAL_NS)
-        if found is not None:
+        for found in decoder.decode(message, ARRIVAL_NS):
             name = "ins" if isinstance(found, InsMeasurement) else "theo-north"
             if wrong := _wrong_raw(name, found):
                 return wrong

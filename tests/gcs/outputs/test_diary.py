@@ -19,6 +19,7 @@ ERROR = {
     "sigma": np.radians(0.001),
     "prior_sigma": np.radians(0.05),
     "unit": "rad",
+    "observable": True,
 }
 REPORT = {"sensors": {"theo": {"errors": {"azimuth": ERROR}}}}
 
