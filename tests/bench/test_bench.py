@@ -125,7 +125,6 @@ def test_robustness_costs_nothing_where_nothing_is_wrong():
     assert accuracy.summary(case, "default", [ours for ours, _ in pairs])["figures"]["false_per_10000"] < 20.0
 
 
-@pytest.mark.xfail(strict=True, reason="median over the flights 9.9 while it lasts: a liar is followed")
 @pytest.mark.slow
 def test_a_constant_offset_of_one_instrument_is_seen_through():
     case = Case("x", 3, patch=Patch("offset"))

@@ -57,7 +57,7 @@ def _errors(model, s, x, P, heard) -> dict:
                 variance += common_variance(model)
             sigma = float(np.sqrt(variance))
             out[name] = {
-                "value": value, "sigma": sigma, "prior_sigma": prior, "unit": unit,
+                "value": float(value), "sigma": sigma, "prior_sigma": prior, "unit": unit,
                 "observable": sigma < SEEN * prior,
             }  # fmt: skip
     return out
