@@ -104,7 +104,7 @@ class Viewer:
         with tabs.add_tab("Events"):
             self._level = gui.add_dropdown("show", tuple(events.LEVELS))
             self._log = gui.add_html("")
-        with tabs.add_tab("OperatorLimits"):
+        with tabs.add_tab("Limits"):
             self._add_limits()
         with tabs.add_tab("Show"):
             self._add_show()

@@ -76,7 +76,7 @@ def test_the_position_is_told_as_an_instrument_has_to_point(page):
 
 
 def test_a_limit_that_is_broken_alarms(page, view):
-    tab(page, "OperatorLimits")
+    tab(page, "Limits")
     page.get_by_label("height within m").fill("5")
     page.get_by_label("height within m").press("Enter")
     page.get_by_text("height holds within 6.4 m, 5 m is demanded").wait_for()

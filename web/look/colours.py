@@ -69,5 +69,12 @@ def ramp(share: np.ndarray) -> np.ndarray:
     return np.where(known[..., None], colours, GROUND).astype(np.uint8)
 
 
+def linear(colour: np.ndarray) -> np.ndarray:
+    """(…, 3) uint8 as it is meant → (…, 3) uint8 of linear light, IEC 61966-2-1."""
+    share = np.asarray(colour) / 255.0
+    light = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
+    return np.rint(light * 255.0).astype(np.uint8)
+
+
 def css(colour: Colour) -> str:
     return "rgb({},{},{})".format(*colour)

@@ -47,7 +47,7 @@ def go(alarms: list[str], lies: list[str], *, demanded: bool) -> str:
     if not rows and demanded:
         rows.append(bar("within all limits", colours.GOOD))
     elif not demanded:
-        rows.append('<span class="quiet">no limit for the position is set: tab OperatorLimits</span>')
+        rows.append('<span class="quiet">no limit for the position is set: tab Limits</span>')
     return html.block("".join(rows))
 
 

@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 import viser
 
-from web.look.colours import Colour
+from web.look.colours import Colour, linear
 
 
 class Lines:
@@ -28,6 +28,8 @@ class Lines:
 
         ``colour`` is one for all, or (n, 2, 3) uint8, one for each end.
         """
+        if isinstance(colour, np.ndarray):
+            colour = linear(colour)  # the browser takes one for all as it is, one for each end as linear light
         shown = self._shown.get(name)
         if len(segments) == 0:
             if shown:
