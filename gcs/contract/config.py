@@ -121,9 +121,9 @@ class BusSection(Section, frozen=True):
             ge=1.0,
             le=10_000.0,
             description="measurements taken from one instrument, so that one gone wild cannot drown the "
-            "others: five times what is usual; what is beyond is refused and counted",
+            "others: fast angle stations give 110; what is beyond is refused and counted",
         ),
-    ] = 100.0
+    ] = 200.0
     ins_rate_hz: Annotated[
         float,
         Meta(ge=1.0, le=10_000.0, description="the same of the autopilot, which has several messages a turn"),

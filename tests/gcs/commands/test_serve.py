@@ -106,7 +106,7 @@ def test_a_record_that_fails_costs_the_bus_nothing_and_the_run_says_so(station, 
     def full(self, *_):
         raise OSError("no space left on device")
 
-    monkeypatch.setattr(mavlink, "run", lambda link, system_id, bus, stop: stop.wait())
+    monkeypatch.setattr(mavlink, "run", lambda link, system_id, bus, stop, keep: stop.wait())
     monkeypatch.setattr(Record, "take", full)
     monkeypatch.setattr(Record, "close", full)
     stop = threading.Event()
@@ -131,7 +131,7 @@ def test_a_link_that_cannot_be_used_is_one_line(station, tmp_path):
 def test_a_loop_that_fails_goes_on_with_the_next_messages(station, tmp_path, monkeypatch):
     from gcs.station.session import Session
 
-    monkeypatch.setattr(mavlink, "run", lambda link, system_id, bus, stop: stop.wait())
+    monkeypatch.setattr(mavlink, "run", lambda link, system_id, bus, stop, keep: stop.wait())
     advance, turns = Session.advance, []
 
     def failing(self, *arguments):
@@ -206,7 +206,7 @@ def test_a_bridge_that_is_killed_or_stopped_is_told_and_so_is_its_return(station
         with process(BRIDGE, endpoint):
             scene.told("theo: its bridge is there", 2)
 
-    monkeypatch.setattr(mavlink, "run", lambda link, system_id, bus, stop: stop.wait())
+    monkeypatch.setattr(mavlink, "run", lambda link, system_id, bus, stop, keep: stop.wait())
     stop = threading.Event()
     scene = Scenario(station, stop, play)
     serve(station, tmp_path / "run", stop, view=False, seconds=90.0, beside=scene)
@@ -223,9 +223,9 @@ def test_every_message_of_a_flood_is_in_the_summary(station, tmp_path, monkeypat
                 far = 100.0 + (number * 7919) % 8000  # possible each, and somewhere else each time
                 bus.publish("raw", PolarMeasurement(t_ns=t_ns, arrival_ns=t_ns, range_m=far), "theo")
                 put.append(number)
-            scene.told("theo: more than 100 a second; the rest is refused and counted")
+            scene.told("theo: more than 200 a second; the rest is refused and counted")
 
-    monkeypatch.setattr(mavlink, "run", lambda link, system_id, bus, stop: stop.wait())
+    monkeypatch.setattr(mavlink, "run", lambda link, system_id, bus, stop, keep: stop.wait())
     stop = threading.Event()
     scene = Scenario(station, stop, play)
     serve(station, tmp_path / "run", stop, view=False, seconds=90.0, beside=scene)
@@ -238,7 +238,7 @@ def test_every_message_of_a_flood_is_in_the_summary(station, tmp_path, monkeypat
 
 def test_the_last_words_of_a_station_reach_who_listens(station, tmp_path, monkeypatch):
     """The session ends after the stop, and what it says then still goes out."""
-    monkeypatch.setattr(mavlink, "run", lambda link, system_id, bus, stop: stop.wait())
+    monkeypatch.setattr(mavlink, "run", lambda link, system_id, bus, stop, keep: stop.wait())
     sent, publish = [], Bus.publish
 
     def watched(bus, subject, message, source=""):
