@@ -200,7 +200,7 @@ def test_speed(page, tape):
 
 def test_dark_and_the_camera_change_the_picture(page):
     tab(page, "Show")
-    assert picture(page)[:40, :40].min() > 200
+    assert until(lambda: picture(page)[:40, :40].min() > 200)
     page.get_by_role("checkbox", name="dark", exact=True).click()
     assert until(lambda: picture(page)[:40, :40].max() < 60)
     before = picture(page)
@@ -239,7 +239,7 @@ def test_a_live_flight_is_looked_back_upon_by_one_viewer(page):
 
 
 def test_clear_wipes_the_picture(page, view):
-    assert red(page) > 0
+    assert until(lambda: red(page) > 0)
     view.clear()
     assert until(lambda: red(page) == 0)
     tab(page, "Flight")

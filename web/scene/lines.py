@@ -29,7 +29,7 @@ class Lines:
         ``colour`` is one for all, or (n, 2, 3) uint8, one for each end.
         """
         if isinstance(colour, np.ndarray):
-            colour = linear(colour)  # the browser takes one for all as it is, one for each end as linear light
+            colour = linear(colour)  # as the browser takes it; one colour for all it takes as it is
         shown = self._shown.get(name)
         if len(segments) == 0:
             if shown:

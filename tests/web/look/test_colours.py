@@ -14,3 +14,8 @@ def test_the_ramp_gets_lighter_all_the_way():
 def test_dimmed_is_half_way_to_the_page():
     assert colours.dimmed((0, 0, 0), dark=False) == (127, 127, 127)
     assert sum(colours.dimmed((255, 255, 255), dark=True)) < 3 * 255
+
+
+def test_linear_light_is_darker_but_at_both_ends():
+    light = colours.linear(np.array([0, 10, 128, 255], np.uint8))
+    np.testing.assert_array_equal(light, [0, 1, 55, 255])  # IEC 61966-2-1: 10 → 0.77, 128 → 55.04
