@@ -91,8 +91,13 @@ def red(page) -> int:
 
 def blue(page) -> int:
     """How many pixels have the newest track's colour."""
-    r, _, b = np.moveaxis(picture(page), -1, 0)
-    return int(((b > 170) & (r < 110) & (b - r > 100)).sum())
+    return int(is_blue(picture(page)).sum())
+
+
+def is_blue(pixels: np.ndarray) -> np.ndarray:
+    """(h, w, 3) → (h, w) whether it has the newest track's colour."""
+    r, _, b = np.moveaxis(pixels, -1, 0)
+    return (b > 170) & (r < 110) & (b - r > 100)
 
 
 def pixel(page, view: View, place) -> tuple[float, float]:

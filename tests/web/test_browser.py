@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from tests.web import browser, flight
-from tests.web.page import S, Tape, blue, canvas, choose, opened, picture, pixel, red, tab, until
+from tests.web.page import S, Tape, blue, canvas, choose, is_blue, opened, picture, pixel, red, tab, until
 from web.panel.limits import OperatorLimits
 from web.view import View
 
@@ -97,12 +97,18 @@ def test_track_and_outliers_are_drawn_and_can_be_hidden(page):
 
 def test_the_track_takes_the_colour_of_a_quantity_with_its_scale(page):
     tab(page, "Show")
-    before = blue(page)
+    assert until(lambda: blue(page) > 400)
+    track = is_blue(picture(page))
     choose(page, "track colour", "speed")
-    assert until(lambda: blue(page) < before / 2)
+    assert until(lambda: _painted(picture(page)[track]) > 0.7)
     page.locator(".gcs [style*=linear-gradient]").wait_for()
     choose(page, "track colour", "plain")
-    assert until(lambda: blue(page) > before * 0.7)
+    assert until(lambda: blue(page) > track.sum() * 0.7)
+
+
+def _painted(pixels: np.ndarray) -> float:
+    """Share of (n, 3) pixels with a colour that is not the plain track's; the page and its grid are grey."""
+    return float((~is_blue(pixels[None])[0] & (np.ptp(pixels, axis=1) > 40)).mean())
 
 
 def test_a_clicked_outlier_tells_why(page, view):
