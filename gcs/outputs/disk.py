@@ -5,7 +5,6 @@ tried again once a second; a block is never written by half. What no longer fits
 A file whose name has gone is written anew from the one still held open, so that nothing of it is lost.
 """
 
-import logging
 import os
 import shutil
 import threading
@@ -164,6 +163,7 @@ class Beside:
         self._size = 0
         self._changed = threading.Condition()
         self._ended = False
+        self._failure: Exception | None = None
         self._thread = threading.Thread(target=self._run, name="run folder", daemon=True)
         self._thread.start()
 
@@ -176,6 +176,17 @@ class Beside:
             self._size += size
             self._changed.notify()
         return True
+
+    def check(self) -> None:
+        """Raise what has failed since the last call."""
+        failure, self._failure = self._failure, None
+        if failure:
+            raise failure
+
+    def wait(self, patience_s: float) -> None:
+        """Until all is done that has been put, for so long at most."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._size == 0, patience_s)
 
     def end(self, patience_s: float) -> bool:
         """Do what is left; false where it takes longer than ``patience_s``: the disk hangs."""
@@ -194,7 +205,8 @@ class Beside:
                 work, size = self._work.popleft() if self._work else (self._idle, 0)
             try:
                 work()
-            except Exception:  # one block that cannot be written must not cost all that follow
-                logging.getLogger(__name__).exception("writing the run folder")
+            except Exception as error:  # one block that cannot be written must not cost all that follow
+                self._failure = error
             with self._changed:
                 self._size -= size
+                self._changed.notify_all()

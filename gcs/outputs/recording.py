@@ -144,6 +144,8 @@ class McapFile:
 class RunRecorder:
     """All of a run that goes to its folder: a sink, a target of messages, the tap of turns and link."""
 
+    name = "record"  # for the operator
+
     def __init__(self, folder: Path, station: Station, frame: Frame, tell: Tell, about: dict[str, str]):
         self._tell = tell
         self._notes: deque[tuple[str, str]] = deque()  # what the writing thread has to say
@@ -184,9 +186,12 @@ class RunRecorder:
             "verdicts.csv": len(update.retired),
         }
         self._put(partial(self._record.take, update), 1 + sum(rows.values()), rows)
+        self._beside.check()
 
     def close(self, summary: dict, best: np.ndarray) -> None:
         self._beside.put(partial(self._close, summary, best), refuse=False)
+        self._beside.wait(PATIENCE_S)
+        self._beside.check()
 
     def end(self) -> None:
         """After the session: write what waits, and the recording's index."""

@@ -24,8 +24,7 @@ def remarks(run: Run) -> list[str]:
         found.append(
             f"No clock is taken as right, so the time of all is known to {1e3 * late_s:.0f} ms (1 sigma): "
             f"up to {late_s * fastest:.2g} m along the course at {fastest:.0f} m/s. Sigma and protection "
-            "level do not contain it, the check against tolerances does. It ends where one sensor's clock "
-            "is right: leave clock out of its estimate."
+            "level contain it. It ends where one sensor's clock is right: leave clock out of its estimate."
         )
     lost = {name.replace("_", " "): n for name, n in run.summary.get("bus", {}).items() if n}
     if lost:

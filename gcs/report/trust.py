@@ -33,8 +33,8 @@ class Criterion(NamedTuple):
 def common_clock_s(run: Run) -> float:
     """1 sigma in s of the time that all sensors share; 0 where the clock of one of them is taken as right.
 
-    A shift of all clocks together moves the track along itself and no measurement shows it, so it is no part
-    of the published sigma. Every floating clock's own sigma contains it: the smallest one bounds it.
+    A shift of all clocks together moves the track along itself and no measurement shows it: the published
+    sigma contains it. So does every floating clock's own sigma: the smallest one bounds it.
     """
     told = run.summary.get("estimator", {}).get("sensors", {})
     floating = [told.get(sensor, {}).get("errors", {}) for sensor in run.heard]
@@ -46,9 +46,7 @@ def criteria(run: Run, tolerance: Tolerance) -> list[Criterion]:
     """What is held against the tolerances: of the best estimate, and of what was known live."""
     best, live = run.smoothed, run.track
     h, v = tolerance
-    late_s = common_clock_s(run)
-    level = np.hypot(numbers.horizontal(best, EN), late_s * numbers.horizontal(best, ("ve_mps", "vn_mps")))
-    height = np.hypot(best["sigma_u_m"], late_s * best["vu_mps"])
+    level, height = numbers.horizontal(best, EN), best["sigma_u_m"]
     return [
         Criterion(
             "best estimate, horizontal, 95 %", best["t_ns"], numbers.DRMS_95 * level, h, True
@@ -94,9 +92,9 @@ def tolerances(found: list[Criterion]) -> Sheet:
     ]
     note = (
         "The best estimate's numbers come from its own sigma: 2 √(σE² + σN²), which covers 95 to 98 %, and "
-        "1.96 σU, each with the speed times the sigma of the common clock. The protection level bounds the "
-        "error of what was known live although any one sensor lies, at a risk of 1e-5; it is told for "
-        "information, because the best estimate has all data and later ones too."
+        "1.96 σU. The protection level bounds the error of what was known live although any one sensor lies, "
+        "at a risk of 1e-5; it is told for information, because the best estimate has all data and later "
+        "ones too."
     )
     return Sheet("Tolerances", head, rows, "nrrrrrn", note)
 

@@ -20,7 +20,7 @@ class GuardedSink:
     """A sink that may fail: what it missed meanwhile is counted, and nobody else waits for it."""
 
     def __init__(self, sink: "Sink"):
-        self.name, self._sink = type(sink).__name__.lower(), sink
+        self.name, self._sink = getattr(sink, "name", type(sink).__name__.lower()), sink
         self.backoff, self.missed = Backoff(), 0  # rows it was not given: states, and verdicts that are final
         self._aside = False
 

@@ -79,7 +79,7 @@ def test_a_link_that_fails_starts_again_and_the_flight_goes_on(station, tmp_path
     monkeypatch.setattr(supervision, "WAITS_S", (0.2,))
     begun = []
 
-    def link(address, system_id, bus, stop):
+    def link(address, system_id, bus, stop, keep):
         begun.append(address)
         if len(begun) < 3:
             raise AttributeError("alt_ellipsoid")

@@ -32,7 +32,7 @@ def written(tmp_path):
 
 @pytest.mark.slow
 def test_the_sample_flight_from_its_log_to_its_report_and_truth(gcs, tmp_path):
-    """All clocks float: the common one is off by some 30 ms, nearly all of the error; the report says so."""
+    """All clocks float: the common one is off by some 30 ms, nearly all of the error; sigma says so."""
     feeds = [f"{name}={SAMPLE / name}.csv" for name in ("theo-north", "theo-east", "radar-1")]
     out = tmp_path / "flown"
     options = ("--station", SAMPLE / "station.toml", "--out", out, "--feed", *feeds)
@@ -47,7 +47,7 @@ def test_the_sample_flight_from_its_log_to_its_report_and_truth(gcs, tmp_path):
     (rms,) = [float(line.split()[2]) for line in said.splitlines() if line.startswith("horizontal  ")]
     assert 0.3 < rms < 1.5
     (nees,) = [line.split() for line in said.splitlines() if line.startswith("NEES")]
-    assert float(nees[3]) < 5.0 < float(nees[2])
+    assert float(nees[2]) < 5.0
 
 
 def test_the_report_is_written_into_the_run_folder(gcs, written):
