@@ -74,7 +74,7 @@ def log_gross(r, s):
 @exact
 def log_run(r, s, noise, level, variance):
     """Log density of a further row, of own variance ``noise``, of a run at ``level`` ± √``variance``."""
-    moved = variance + _wander(s, noise, level)
+    moved = max(variance + _wander(s, noise, level), 1e-12 * noise)  # before a first run it is nothing
     gross, near = math.exp(log_gross(r, s)), math.exp(log_good(r - level, math.sqrt(noise + moved)))
     offset = 0.5 * math.erfc((LEAST * math.sqrt(noise) - abs(level)) / math.sqrt(2.0 * moved))
     return math.log(ERRATIC * gross + (1.0 - ERRATIC) * offset * near)
