@@ -21,7 +21,7 @@ import numpy as np
 from filters.baselines.interacting import REASONS, Followed, Mind, follow
 from filters.models import state as models
 from filters.models.motion import CORE
-from filters.models.rows import CHANNELS, DEWEIGHTED, ROW, TRACK, USED, VERDICT, Sensor, Step
+from filters.models.rows import CHANNELS, DEWEIGHTED, ROW, TRACK, USED, VERDICT, Sensor, Step, rehearsal
 from filters.models.settings import Settings
 from filters.smoother import buffer, passes, start, status
 from filters.smoother.integrity import report as reports
@@ -63,11 +63,7 @@ class Baseline:
     def warm_up(self) -> None:
         """Compile everything, or fetch it from the cache, before the first measurement."""
         twin = copy.deepcopy(self)
-        said = [(s, c) for s, sensor in enumerate(self.sensors) for c in np.flatnonzero(sensor.sigma > 0)]
-        rows = np.zeros(6 * len(said), ROW)
-        for k in range(len(rows)):
-            rows[k] = (k, k // len(said) * 300_000_000, *said[k % len(said)], 1.0, 0.0)
-        twin.step(rows)
+        twin.step(rehearsal(self.sensors))
         twin.finish()
         twin.smooth()
 

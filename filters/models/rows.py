@@ -4,6 +4,7 @@ One row is one channel value. Angles in radians, lengths in metres, time in int6
 range, azimuth and elevation in its own ENU frame, everything else in station ENU.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -72,3 +73,12 @@ class Step(NamedTuple):
     track: np.ndarray  # (k,) TRACK, one per new epoch, causal
     smoothed: np.ndarray  # (m,) TRACK, decisions final
     verdicts: np.ndarray  # (v,) VERDICT, new or changed
+
+
+def rehearsal(sensors: Sequence[Sensor]) -> np.ndarray:
+    """(n,) ROW to warm an estimator up with: every channel of every sensor six times, 0.3 s apart."""
+    said = [(s, c) for s, sensor in enumerate(sensors) for c in np.flatnonzero(sensor.sigma > 0)]
+    rows = np.zeros(6 * len(said), ROW)
+    for k in range(len(rows)):
+        rows[k] = (k, k // len(said) * 300_000_000, *said[k % len(said)], 1.0, 0.0)
+    return rows

@@ -18,7 +18,7 @@ import numpy as np
 from filters.correction import correction as corrections
 from filters.models import state as models
 from filters.models.motion import CORE
-from filters.models.rows import ROW, TRACK, Sensor, Step
+from filters.models.rows import TRACK, Sensor, Step, rehearsal
 from filters.models.settings import Settings
 from filters.smoother import gated, start, status, tracks
 from filters.smoother.bank import Bank, Prior
@@ -73,12 +73,7 @@ class FixedLagSmoother:
     def warm_up(self) -> None:
         """Compile everything, or fetch it from the cache, before the first measurement."""
         twin = FixedLagSmoother(self.sensors, self.settings, self._rule, self._correction)
-        said = [(s, c) for s, sensor in enumerate(self.sensors) for c in np.flatnonzero(sensor.sigma > 0)]
-        rows = np.zeros(6 * len(said), ROW)
-        for k in range(len(rows)):
-            s, c = said[k % len(said)]
-            rows[k] = (k, k // len(said) * 300_000_000, s, c, 1.0, 0.0)
-        twin.step(rows)
+        twin.step(rehearsal(self.sensors))
         twin.finish()
         twin.smooth()
 

@@ -36,3 +36,11 @@ def test_a_sensor_stands_level_at_the_station_unless_told_otherwise():
     assert np.array_equal(sensor.offset_m, np.zeros(3))
     assert np.array_equal(sensor.rotation, np.eye(3))
     assert sensor.estimate == ()
+
+
+def test_a_rehearsal_has_every_channel_six_times_and_only_those_there_are():
+    sigma = np.full(len(rows.CHANNELS), np.nan)
+    sigma[[rows.RANGE, rows.AZIMUTH]] = 1.0, 0.01
+    said = rows.rehearsal([rows.Sensor("theo", "theodolite", sigma, np.zeros(3))])
+    assert sorted(said["channel"].tolist()) == [rows.RANGE] * 6 + [rows.AZIMUTH] * 6
+    assert np.unique(said["t_ns"]).tolist() == [k * 300_000_000 for k in range(6)]
