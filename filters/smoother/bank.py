@@ -79,8 +79,8 @@ class Bank:
         failing = len(rows.t) > 0 and best.shortfall >= SHORTFALL
         if not weights and not running.any() and not failing:
             return found, False
-        before = best.log_evidence
-        trials = [(0.0, self._again(rows, weight, annealed=False)) for weight in weights]
+        trials = [(0.0, best)]  # log prior odds, hypothesis
+        trials += [(0.0, self._again(rows, weight, annealed=False)) for weight in weights]
         if running.any():
             trial = best.copy()
             trial.settle(rows, 0, running)
@@ -100,16 +100,15 @@ class Bank:
             trials.append((0.0, self._again(rows, likeliest.own.weight, annealed=False)))
         kept = len(trials)
         trials += [(ODDS_START, trial) for trial in starts]
-        odds = [before, *(odds + trial.log_evidence for odds, trial in trials)]
-        everyone = [best, *(trial for _, trial in trials)]
-        number = int(np.argmax([before, *(o + INERTIA for o in odds[1:])]))
-        winner = everyone[number]
-        self._doubt(winner, odds[number], list(zip(odds, everyone, strict=True)))
+        ranked = [(prior + trial.log_evidence, trial) for prior, trial in trials]
+        number = int(np.argmax([odds + (INERTIA if h is not best else 0.0) for odds, h in ranked]))
+        top, winner = ranked[number]
+        self._doubt(winner, top, ranked)
         if winner is best:
             best.settle(rows, keep)
             return found, False
         self.best = winner
-        started = number > kept
+        started = number >= kept
         if started:
             refused = (best.own.weight < status.DOUBT).mean()
             self.reason = f"{refused:.0%} of the window's rows refused: begun again from the sensors"
