@@ -167,13 +167,18 @@ def test_settled_again_nothing_changes():
     assert one.log_evidence == pytest.approx(evidence, abs=1.0)
 
 
-def test_the_truth_has_more_evidence_than_a_mirror():
-    """The same rows from an anchor 200 m aside with the same confidence."""
+def mirrored():
+    """(right, other) settled on the same rows, the other from an anchor 200 m aside, as sure of it."""
     right, rows, _ = hypothesis(small.four())
     other, _, _ = hypothesis(small.four())
     other.anchor.x[0] += 200.0
     right.settle(rows, 0)
     other.settle(rows, 0)
+    return right, other
+
+
+def test_the_truth_has_more_evidence_than_a_mirror():
+    right, other = mirrored()
     assert right.log_evidence > other.log_evidence + 10
 
 
@@ -182,11 +187,7 @@ def test_the_truth_has_more_evidence_than_a_mirror():
 )
 def test_a_mirror_falls_short():
     """What the anchor costs is behind the newest rows."""
-    right, rows, _ = hypothesis(small.four())
-    other, _, _ = hypothesis(small.four())
-    other.anchor.x[0] += 200.0
-    right.settle(rows, 0)
-    other.settle(rows, 0)
+    right, other = mirrored()
     assert other.shortfall > right.shortfall
 
 
