@@ -16,7 +16,7 @@ from gcs.outputs.disk import Tell, to_operator
 from gcs.outputs.publish import Publisher, Target
 from gcs.station.health import Feeds, Files, Monitor
 from gcs.station.session import Session, Sink
-from gcs.station.sources.replay import Playback
+from gcs.station.sources.playback import Playback
 
 if TYPE_CHECKING:
     from gcs.contract.wire.bus import Bus
@@ -68,7 +68,7 @@ def announcer(send_to: Sequence[Target]) -> Tell:
 
 def diary(folder: Path, station: Station) -> Diary:
     """The sink that keeps what was told."""
-    return Diary(folder, Monitor(["ins", *(sensor.name for sensor in station.sensor)], Files()))
+    return Diary(folder, Monitor(station.sources, Files()))
 
 
 def new_session(
@@ -84,8 +84,7 @@ def new_session(
     """A session with its sinks, compiled and ready for the first measurement."""
     sinks: list[Sink] = [*records, Console()]
     if send_to:
-        names = ["ins", *(sensor.name for sensor in station.sensor)]
-        sinks.append(Publisher(frame, Monitor(names, feeds, parts), send_to))
+        sinks.append(Publisher(frame, Monitor(station.sources, feeds, parts), send_to))
     prepare()
     session = Session(station, frame, sinks, method, correction)
     session.estimator.warm_up()

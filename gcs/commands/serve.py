@@ -68,8 +68,7 @@ def serve(
         supervisor.start("publisher", outbox.run, told_all)
         stack.callback(told_all.set)  # after the session's last word
         say("compiling the filter (once; cached for the next start)")
-        sensors = ["ins", *(sensor.name for sensor in station.sensor)]
-        feeds = live.BusFeeds(bus, sensors, station.filter.lateness_s)
+        feeds = live.BusFeeds(bus, station.sources, station.filter.lateness_s)
         about = {"software": "gcs", "version": __version__, "method": method}
         about["correction"] = "off" if correction is off else "on"
         recorder = RunRecorder(folder, station, frame, _log, about)

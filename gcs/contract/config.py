@@ -206,6 +206,11 @@ class Station(Section, frozen=True):
     screening: ScreeningSection = ScreeningSection()
     filter: FilterSection = FilterSection()
 
+    @property
+    def sources(self) -> list[str]:
+        """Who measures, in the estimator's order: the INS, then the instruments."""
+        return ["ins", *(sensor.name for sensor in self.sensor)]
+
 
 def load(path: Path | None, overrides: Sequence[str] = ()) -> Station:
     """The station in ``path`` (defaults for None) with ``KEY=VALUE`` overrides such as ``ins.height_m=2``.

@@ -18,7 +18,7 @@ from filters.models.rows import ROW, Sensor
 from filters.models.settings import Settings
 from filters.simulation import scenario, simulate
 from gcs.contract import config
-from gcs.contract.frames import Frame
+from gcs.contract.frames import Frame, origin_frame
 from gcs.contract.messages import CHANNELS, InputError
 from gcs.station.intake import ins_sigma, sensors_of
 from gcs.station.ledger import ANGLES
@@ -132,10 +132,9 @@ def from_run(folder: Path, settings: Settings) -> Flown:
                 f"{folder / name}: missing; a flight to train on is a run folder with a truth.csv"
             )
     station = config.load(folder / "station.toml", ())
-    origin = station.range.origin
-    if origin is None:
+    if station.range.origin is None:
         raise InputError(f"{folder / 'station.toml'}: [range] origin is missing; replay with a station file")
-    frame = Frame(origin.lat_deg, origin.lon_deg, origin.alt_m)
+    frame = origin_frame(station)
     t_ns, position = _read_truth(folder / "truth.csv", frame)
     truth = scenario.track((t_ns - t_ns[0]) * 1e-9, position)
     sensors = sensors_of(station, frame)

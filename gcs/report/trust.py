@@ -10,7 +10,6 @@ from gcs.report.basis.run import Run
 from gcs.report.sources import clock
 
 EN = ("sigma_e_m", "sigma_n_m")
-DEAD_RECKONED = 10  # quality that dead reckoning by air data has at best
 
 
 class Tolerance(NamedTuple):

@@ -58,11 +58,6 @@ class Subscription:
         return self._inbox.dropped
 
     @property
-    def refused(self) -> int:
-        """Messages beyond their source's rate, or too large."""
-        return self._inbox.refused
-
-    @property
     def age_s(self) -> float:
         """How long the oldest queued message has waited, for health only (monotonic clock)."""
         return self._inbox.age_s

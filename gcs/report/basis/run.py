@@ -14,7 +14,7 @@ import numpy as np
 
 from gcs.contract import config
 from gcs.contract.config import Station
-from gcs.contract.frames import Frame
+from gcs.contract.frames import Frame, origin_frame
 from gcs.contract.messages import CHANNELS, VERDICTS, InputError
 from gcs.report.basis import csvfile
 
@@ -100,7 +100,7 @@ def load(folder: Path) -> Run:
     if not len(track):
         raise InputError(f"{folder}/track.csv: not one state; verdicts.csv says what became of the values")
     station = config.load(folder / "station.toml")
-    sensors = ["ins", *(sensor.name for sensor in station.sensor)]
+    sensors = station.sources
     values, reasons = _values(folder / "verdicts.csv", sensors, remarks)
     by_sensor = {name: _in_order(values[values["sensor"] == k]) for k, name in enumerate(sensors)}
     return Run(
@@ -194,9 +194,8 @@ def _summary(path: Path, remarks: list[str]) -> dict:
 
 def _frame(station: Station, state: np.void) -> Frame:
     """The station's origin; where the file has none, the one that a state's two positions stand for."""
-    origin = station.range.origin
-    if origin:
-        return Frame(origin.lat_deg, origin.lon_deg, origin.alt_m)
+    if station.range.origin:
+        return origin_frame(station)
     place = [float(state[name]) for name in ("lat_deg", "lon_deg", "alt_m")]
     there = np.array([[state[name] for name in ("e_m", "n_m", "u_m")]])
     frame = Frame(*place)

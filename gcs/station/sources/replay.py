@@ -12,7 +12,7 @@ from bridges.instruments import KINDS
 from bridges.tlog import flight as tlog_flight
 from bridges.tlog import tlog
 from gcs.contract.config import Station
-from gcs.contract.frames import Frame
+from gcs.contract.frames import Frame, origin_frame
 from gcs.contract.messages import AIR, CHANNELS, INS, INSTRUMENT_CHANNELS, Event, InputError
 from gcs.station.intake import Batch, Intake, merge
 from gcs.station.ledger import NO_TIME
@@ -122,17 +122,21 @@ def _feeds_alone(station: Station, kinds: Mapping[str, str], feeds: dict[str, Pa
     """A flight that only the ground has seen: no INS, no air data, the station's own origin."""
     if not feeds:
         raise InputError("nothing to replay: name a flight log, or --feed NAME=FILE.csv")
-    origin = station.range.origin
-    if origin is None:
+    if station.range.origin is None:
         raise InputError("feeds alone need [range] origin in the station file: no aircraft says where it is")
     measured = {name: KINDS[kinds[name]].read(path, name) for name, path in feeds.items()}
     times = np.concatenate([rows["t_ns"] for rows, _ in measured.values()])
     if not len(times):
         raise InputError(f"{', '.join(map(str, feeds.values()))}: not one line can be used")
-    frame = Frame(origin.lat_deg, origin.lon_deg, origin.alt_m)
     about = {"log": None, "inputs": digests(feeds)}
     return MeasuredFlight(
-        frame, np.empty(0, INS), np.empty(0, AIR), measured, about, int(times.min()), int(times.max())
+        origin_frame(station),
+        np.empty(0, INS),
+        np.empty(0, AIR),
+        measured,
+        about,
+        int(times.min()),
+        int(times.max()),
     )
 
 
@@ -214,9 +218,8 @@ def run(flight: Replayable, new_session: Callable[[], Session], playback: Playba
 
 def _frame(station: Station, ins: np.ndarray) -> Frame:
     """The station's origin; without one, the flight's first position."""
-    origin = station.range.origin
-    if origin:
-        return Frame(origin.lat_deg, origin.lon_deg, origin.alt_m)
+    if station.range.origin:
+        return origin_frame(station)
     first = ins[np.isfinite(ins["lat_deg"])][0]
     separation = station.ins.geoid_separation_m
     if separation is None:
