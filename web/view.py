@@ -6,9 +6,7 @@ The page has no password: it binds to 127.0.0.1 only, put a proxy in front for a
 
 import contextlib
 import io
-import sys
 import threading
-import traceback
 from collections import deque
 from collections.abc import Callable, Collection
 from typing import TYPE_CHECKING
@@ -16,7 +14,7 @@ from typing import TYPE_CHECKING
 import viser
 
 from gcs.contract.messages import ANY, InputError, Scene
-from gcs.contract.supervision import Part
+from gcs.contract.supervision import Part, brief, log
 from web.memory.flight import SeenFlight
 from web.origins import only
 from web.panel.limits import OperatorLimits
@@ -122,11 +120,10 @@ class View:
                     self._fail(error)
 
     def _fail(self, error: Exception) -> None:
-        line = f"the page failed to draw something: {type(error).__name__}: {error}"
+        line = f"the page failed to draw something: {brief(error)}"
         if line not in self._failures:
             self._failures.append(line)
-            print(f"view: {line}", file=sys.stderr)
-            traceback.print_exception(error)
+            log.error("view: %s", line, exc_info=error)
 
     def _take_all(self) -> None:
         for _ in range(len(self._queue)):

@@ -40,6 +40,24 @@ def test_nothing_is_printed(port, capfd):
     assert capfd.readouterr().out == ""
 
 
+def test_what_fails_to_draw_is_logged_once_and_said_on_the_page(port, caplog):
+    view = View(SCENE, port=port)
+
+    def broken(*_):
+        raise ValueError("cannot happen")
+
+    view.picture.update = broken
+    line = "the page failed to draw something: ValueError: cannot happen"
+    until_s = time.monotonic() + 10.0
+    while line not in view.notes() and time.monotonic() < until_s:
+        time.sleep(0.05)
+    time.sleep(0.5)  # some more pictures
+    view.close()
+    assert view.notes() == [line]
+    assert [record.getMessage() for record in caplog.records] == [f"view: {line}"]
+    assert caplog.records[0].exc_info
+
+
 class SourceBus:
     """Hands out what it was given, once per subject."""
 
