@@ -101,6 +101,7 @@ class FlightClock:
         self._names = set(voters)
         self._sources: dict[str, Voter] = {}
         self._lag_ns: int | None = None  # of a measurement without delay, at _now_ns; None: not settled
+        self._lags: deque[tuple[int, int]] = deque()  # (time, lag of the group) of the last VOTE_NS
         self._rate = 0.0  # growth of all lags: 0 in real time, −1 for a recording at double speed
         self._now_ns = self._began_ns = self._against_ns = 0
         self._promptest_ns = 0
@@ -208,7 +209,8 @@ class FlightClock:
         lag_ns, old_ns = _least(group), self._lag_ns or 0
         apart_ns = lag_ns - old_ns
         if abs(apart_ns) <= self._near_ns:
-            self._lag_ns, self._against_ns = lag_ns, 0
+            lag_ns = self._lag_ns = self._lowest(lag_ns)
+            self._against_ns = 0
             run_ns, grown_ns = self._now_ns - self._taken[0], lag_ns - self._taken[1]
             if STATION not in group and run_ns >= PACED_NS:
                 self._rate = _if_not_steady(grown_ns / run_ns)
@@ -221,6 +223,13 @@ class FlightClock:
             told = f"the flight's clock moves, {_far(apart_ns)} what it was: {_listed(group)} agree on it"
             self._tell("error", told)
 
+    def _lowest(self, lag_ns: int) -> int:
+        """The lowest lag of late: who was held up with all others is prompt again, and not in the future."""
+        self._lags.append((self._now_ns, lag_ns))
+        while self._now_ns - self._lags[0][0] > VOTE_NS:
+            self._lags.popleft()
+        return min(lag + round(self._rate * (self._now_ns - then)) for then, lag in self._lags)
+
     def _take(self, group: Iterable[str]) -> None:
         """Take a group's clock for the flight's: its pace, then its time."""
         voters = {name: self._sources[name] for name in group if name != STATION}
@@ -230,6 +239,7 @@ class FlightClock:
         lags = {name: voter.lag_ns(self._now_ns, self._rate) for name, voter in voters.items()}
         self._lag_ns, self._against_ns = _least(lags | ({STATION: 0} if STATION in group else {})), 0
         self._taken = self._now_ns, self._lag_ns
+        self._lags.clear()
 
     def _lied(self, name: str, voter: Voter, lag_ns: int, arrival_ns: int) -> None:
         if voter.lied_ns is None:

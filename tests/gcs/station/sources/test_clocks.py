@@ -25,7 +25,7 @@ def since(begin_s, off_s, end_s=np.inf):
 class Played:
     """Sources with their clocks' errors, functions of true time, and a station with its own."""
 
-    def __init__(self, seconds, rates=RATES_HZ, station_s=0.0, speed=1.0, stall=(), **errors):
+    def __init__(self, seconds, rates=RATES_HZ, station_s=0.0, speed=1.0, stall=(), held=(), **errors):
         rng = np.random.default_rng(7)
         self.clock = FlightClock(["ins", "theo-a", "theo-b", "radar"], 1.0)
         self.faults, self.at_s, self.told = defaultdict(list), defaultdict(list), []
@@ -35,6 +35,8 @@ class Played:
             t_s = np.arange(0.0, seconds, 1.0 / rate) + rng.uniform(0.0, 0.5 / rate)
             stamp_s = t_s + errors.get(name.replace("-", "_"), honest)(t_s)
             arrival_s = t_s / speed + DELAY_S + rng.exponential(JITTER_S, len(t_s))
+            for begin_s, end_s, by_s in held:
+                arrival_s[(arrival_s >= begin_s) & (arrival_s < end_s)] += by_s
             events += zip(arrival_s.tolist(), [name] * len(t_s), stamp_s.tolist(), t_s.tolist(), strict=True)
         turns = defaultdict(list)
         for arrival_s, *event in sorted(events):
@@ -75,6 +77,15 @@ def test_honest_sources_are_never_refused(station_s, speed, stall):
     assert played.settled_s < 2.5
     assert all("taken as the flight's" in text for _, text in played.told)
     assert len(played.told) == (abs(station_s) > 1.0)
+
+
+@pytest.mark.parametrize("station_s", [0.0, 3600.0])
+@pytest.mark.parametrize("speed", [1.0, 2.0, 0.5])
+def test_who_is_prompt_again_after_all_were_late_is_not_ahead(station_s, speed):
+    """A machine that was busy for two seconds held up everybody alike."""
+    station_s += 1e6 if speed != 1.0 else 0.0
+    played = Played(20.0, station_s=station_s, speed=speed, held=[(4.0, 6.0, 0.7)])
+    assert {name: played.refused(name) for name in RATES_HZ} == dict.fromkeys(RATES_HZ, 0.0)
 
 
 LIES_S = [2.0, -2.0, 10.0, -10.0, 3600.0, -3600.0, 365.25 * 86400.0, -1024 * 7 * 86400.0]

@@ -104,6 +104,8 @@ def play_live(station, flight, folder) -> tuple[Best, list, dict]:
             for client in clients:
                 client.close()
             time.sleep(1.0)
+            while feeds.queue_age_s() > 0.0:  # what still waits at the end is refused
+                time.sleep(0.1)
             stop.set()
             server.join()
             received = [message for _, message in states.drain(1.0)]
