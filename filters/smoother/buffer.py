@@ -5,6 +5,9 @@
 
 Every row before ``done`` has a verdict. It may change in the window; when final, it is published for good.
 Only a late row takes ``decided`` and ``done`` back, never before ``final``.
+
+Rows have their numbers for the whole flight. Of the final ones only what the smoother of the flight reads is
+kept, by the ``BLOCK``: `recall` gives it; `view` and `made` give the rows that still count.
 """
 
 from typing import NamedTuple
@@ -37,6 +40,19 @@ class Outcome(NamedTuple):
     nis: np.ndarray  # squared standardised innovation
 
 
+class Final(NamedTuple):
+    """Of final rows what the smoother of the flight reads, arrays (BLOCK,): 31 bytes a row."""
+
+    t: np.ndarray
+    sensor: np.ndarray
+    channel: np.ndarray
+    value: np.ndarray
+    weight: np.ndarray
+    noise: np.ndarray
+    regime: np.ndarray
+
+
+BLOCK = 16_384
 OUTCOME_TYPES = ("f4", "f4", "i4", "f8", "f8", "f4")
 
 
@@ -50,22 +66,65 @@ class MeasurementBuffer:
 
     def __init__(self, variance: np.ndarray):
         self._variance = variance
-        self.rows, self.outcome = _rows(4096), outcome(4096)
+        self._rows, self._outcome = _rows(4096), outcome(4096)
         self._id, self._verdict = np.zeros(4096, "i8"), np.zeros(4096, "i1")
         self._reason, self._published = np.zeros(4096, "i1"), np.zeros(4096, "i1")
+        self._past: list[Final] = []
+        self._base = 0  # rows that are in the past: the columns begin after them
         self.size = self.done = self.decided = self.final = 0
         self._reported = 0  # final when `changes` was last called
 
     def view(self, begin: int, end: int) -> Rows:
-        """Rows ``begin`` to ``end``."""
-        return Rows(*(column[begin:end] for column in self.rows))
+        """Rows ``begin`` to ``end``; not of long ago."""
+        return Rows(*(column[self._at(begin, end)] for column in self._rows))
+
+    def made(self, begin: int, end: int) -> Outcome:
+        """What was made of rows ``begin`` to ``end``; not of long ago."""
+        return Outcome(*(column[self._at(begin, end)] for column in self._outcome))
+
+    def count_before(self, t_ns: int) -> int:
+        """How many of the rows that are done are before ``t_ns``; of long ago all."""
+        return self._base + int(np.searchsorted(self.view(self._base, self.done).t, t_ns))
+
+    def recall(self, begin: int, end: int) -> tuple[Rows, Outcome]:
+        """Copies of decided rows ``begin`` to ``end``, of any age, as far as `Final` keeps them."""
+        blocks = range(begin // BLOCK, min(-(-end // BLOCK), len(self._past)))
+        parts = [
+            Final(*(column[max(begin - k * BLOCK, 0) : end - k * BLOCK] for column in self._past[k]))
+            for k in blocks
+        ]
+        live = self._at(max(begin, self._base), max(end, self._base))
+        parts.append(self._kept(live))
+        kept = Final(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+        rows, own = _rows(end - begin), outcome(end - begin)
+        for full in (rows, own):
+            for name, column in zip(full._fields, full, strict=True):
+                if name in Final._fields:
+                    column[:] = getattr(kept, name)
+        return rows, own
+
+    def _at(self, begin: int, end: int) -> slice:
+        return slice(begin - self._base, end - self._base)
 
     def _columns(self) -> list[np.ndarray]:
-        return [*self.rows, *self.outcome, self._id, self._verdict, self._reason, self._published]
+        return [*self._rows, *self._outcome, self._id, self._verdict, self._reason, self._published]
 
     def _replace(self, columns: list[np.ndarray]) -> None:
-        self.rows, self.outcome = Rows(*columns[:6]), Outcome(*columns[6:12])
+        self._rows, self._outcome = Rows(*columns[:6]), Outcome(*columns[6:12])
         self._id, self._verdict, self._reason, self._published = columns[12:]
+
+    def _kept(self, at: slice) -> Final:
+        rows, own = self._rows, self._outcome
+        kept = rows.t, rows.sensor, rows.channel, rows.value, own.weight, own.noise, own.regime
+        return Final(*(column[at].copy() for column in kept))
+
+    def _pass(self) -> None:
+        """Let a block of rows that nothing changes any more become the past."""
+        self._past.append(self._kept(slice(0, BLOCK)))
+        count = self.size - self._base - BLOCK
+        for column in self._columns():
+            column[:count] = column[BLOCK : BLOCK + count]
+        self._base += BLOCK
 
     def insert(self, good: np.ndarray, place: np.ndarray) -> np.ndarray:
         """Sort ``good`` (n,) ROW with their ``place`` (n, 3) in among the rows not yet done.
@@ -73,15 +132,15 @@ class MeasurementBuffer:
         Returns those that were there already.
         """
         size = self.size + len(good)
-        while size > len(self._id):
+        while size - self._base > len(self._id):
             self._replace([np.concatenate([c, np.zeros_like(c)]) for c in self._columns()])
-        new, rows = slice(self.size, size), self.rows
+        new, rows = self._at(self.size, size), self._rows
         rows.t[new], rows.sensor[new], rows.channel[new] = good["t_ns"], good["sensor"], good["channel"]
         rows.value[new], rows.place[new], self._id[new] = good["value"], place, good["id"]
         own = np.where(good["sigma"] > 0.0, good["sigma"] ** 2, np.nan)
         stated = self._variance[good["sensor"], good["channel"]]
         rows.stated[new], self._published[new] = np.where(np.isfinite(own), own, stated), -1
-        tail = slice(self.done, size)
+        tail = self._at(self.done, size)
         t, sensor, channel = rows.t[tail], rows.sensor[tail], rows.channel[tail]
         order = np.lexsort((channel, sensor, t))
         t, sensor, channel = t[order], sensor[order], channel[order]
@@ -95,33 +154,36 @@ class MeasurementBuffer:
         order = order[~same]
         self.size = self.done + len(order)
         for column in self._columns():
-            column[self.done : self.size] = column[self.done : size][order]
+            column[self._at(self.done, self.size)] = column[tail][order]
         return twice
 
     def void(self, begin: int, end: int) -> None:
         """Rows ``begin`` to ``end`` came before there was a state."""
-        self._verdict[begin:end], self._reason[begin:end] = INVALID, NO_STATE
-        self.outcome.weight[begin:end] = 0.0
+        at = self._at(begin, end)
+        self._verdict[at], self._reason[at] = INVALID, NO_STATE
+        self._outcome.weight[at] = 0.0
 
     def judge(self, begin: int, own: Outcome, verdict: np.ndarray, reason: np.ndarray) -> None:
         """Enter what was made of the rows from ``begin`` on."""
-        at = slice(begin, begin + len(verdict))
-        for column, value in zip(self.outcome, own, strict=True):
+        at = self._at(begin, begin + len(verdict))
+        for column, value in zip(self._outcome, own, strict=True):
             column[at] = value
         self._verdict[at], self._reason[at] = verdict, reason
 
     def changes(self) -> np.ndarray:
         """(k,) VERDICT, those that are new, changed or final since the last call."""
-        begin, end = self._reported, self.done
-        final = np.arange(begin, end) < self.final
-        k = begin + np.flatnonzero(final | (self._verdict[begin:end] != self._published[begin:end]))
+        at = self._at(self._reported, self.done)
+        final = np.arange(self._reported, self.done) < self.final
+        k = at.start + np.flatnonzero(final | (self._verdict[at] != self._published[at]))
         k = k[self._id[k] >= 0]  # rows of our own have no sender
-        out, made = np.zeros(len(k), VERDICT), self.outcome
+        out, own = np.zeros(len(k), VERDICT), self._outcome
         out["id"], out["verdict"], out["reason"] = self._id[k], self._verdict[k], self._reason[k]
-        out["predicted"], out["sigma"] = self.rows.value[k] - made.residual[k], made.sigma[k]
-        out["weight"], out["final"] = made.weight[k], k < self.final
+        out["predicted"], out["sigma"] = self._rows.value[k] - own.residual[k], own.sigma[k]
+        out["weight"], out["final"] = own.weight[k], k < self.final - self._base
         self._published[k] = self._verdict[k]
         self._reported = self.final
+        while self._reported - self._base >= 2 * BLOCK:  # the newest final rows may still be looked at
+            self._pass()
         return out
 
 

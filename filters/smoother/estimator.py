@@ -82,7 +82,7 @@ class FixedLagSmoother:
         refused = self._insert(rows)
         buffer, parts = self._buffer, [np.zeros(0, TRACK)]
         while buffer.done < buffer.size:
-            t = buffer.rows.t[buffer.done : buffer.size]
+            t = buffer.view(buffer.done, buffer.size).t
             cell_ns = int(t[0]) // CELL_NS * CELL_NS
             if cell_ns > self._now.boundary_ns:
                 self._close(cell_ns)
@@ -112,7 +112,8 @@ class FixedLagSmoother:
         starts = {row: (mark, False) for row, mark in self._snapshots.marks}
         starts |= {reset.row: (reset.anchor, True) for reset in self._now.resets}
         densities = np.concatenate(self._window.densities)
-        smoothed = tracks.smooth(self._window.space, self._buffer, starts, densities)
+        space, height_m = self._window.space, self.settings.height_m
+        smoothed = tracks.smooth(space, self._buffer, starts, densities, height_m)
         parts = [self._window.track(*part) for part in smoothed]
         return np.concatenate([np.zeros(0, TRACK), *parts[::-1]])
 
@@ -123,7 +124,7 @@ class FixedLagSmoother:
         fault = faults(new, self.model.variance, self._snapshots.oldest_ns)
         bad, buffer = fault != status.NONE, self._buffer
         good = new[~bad]
-        if len(good) and buffer.done and good["t_ns"].min() <= buffer.rows.t[buffer.done - 1]:
+        if len(good) and buffer.done and good["t_ns"].min() <= buffer.view(buffer.done - 1, buffer.done).t[0]:
             self._window.now = self._snapshots.rewind(good["t_ns"].min(), buffer)
         twice = buffer.insert(good, np.nan)
         why = np.concatenate([fault[bad], np.full(len(twice), status.TWICE)])
@@ -157,8 +158,7 @@ class FixedLagSmoother:
     def _place(self, end: int) -> None:
         """Enter the places that the new rows up to ``end`` stand for."""
         buffer, model = self._buffer, self.model
-        together = buffer.rows.t[buffer.done] - start.TOGETHER_NS
-        before = int(np.searchsorted(buffer.rows.t[: buffer.done], together))
+        before = buffer.count_before(buffer.view(buffer.done, end).t[0] - start.TOGETHER_NS)
         start.places(
             buffer.view(before, end), model.offset, model.rotation, model.is_ins, self.settings.height_m,
             buffer.done - before,
@@ -169,7 +169,7 @@ class FixedLagSmoother:
         buffer = self._buffer
         buffer.done += _first_epoch(new)
         oldest_ns = new.t[0] - self._window.lag_ns(self.settings)
-        self._window.give_up(int(np.searchsorted(buffer.rows.t[: buffer.done], oldest_ns)))
+        self._window.give_up(buffer.count_before(oldest_ns))
         dense = buffer.done - buffer.decided >= SPARSE_ROWS
         if not dense or int(new.t[0]) - self._now.redecided_ns >= SURPRISE_NS:
             self._now.redecided_ns = int(new.t[0])
@@ -222,7 +222,7 @@ class FixedLagSmoother:
             lag_ns = self._window.lag_ns(self.settings)
             every = max(1, round(lag_ns / CELLS_PER_LAG / CELL_NS))
             if boundary_ns - now.closed_ns >= every * CELL_NS or not self._robust:
-                t = buffer.rows.t[buffer.decided : buffer.done]
+                t = buffer.view(buffer.decided, buffer.done).t
                 left = self._window.redecide(int(np.searchsorted(t, boundary_ns - lag_ns)))
                 now.closed_ns = boundary_ns
         if buffer.done < buffer.size:

@@ -7,8 +7,9 @@ import numpy as np
 from filters.models import motion
 from filters.models.state import Model
 from filters.smoother import passes
-from filters.smoother.buffer import MeasurementBuffer, Outcome, epochs
+from filters.smoother.buffer import MeasurementBuffer, Outcome, Rows, epochs
 from filters.smoother.hypothesis import Workspace
+from filters.smoother.start import TOGETHER_NS, places
 
 HALF_QUALITY_M = 10.0  # position 1-sigma at which quality is 50
 DOUBTFUL = 20  # the best quality while two hypotheses are nearly as likely
@@ -52,11 +53,12 @@ def known(model: Model, x: np.ndarray, P: np.ndarray, factor: float = 1.0) -> np
 
 
 def smooth(
-    space: Workspace, buffer: MeasurementBuffer, starts: dict, densities: np.ndarray
+    space: Workspace, buffer: MeasurementBuffer, starts: dict, densities: np.ndarray, height_m: float
 ) -> Iterator[tuple[np.ndarray, ...]]:
     """Times (k,), states (k, n) and covariances (k, n, n) of a flight's epochs, part by part, the last first.
 
-    ``starts``: row → (`Moment` to go forward from there, whether it knows nothing of the rows before).
+    ``starts``: row → (`Moment` to go forward from there, whether it knows nothing of the rows before);
+    ``height_m`` that is known beforehand, or NaN.
     Full covariances of a whole flight would not fit into memory: hence the parts.
     """
     model, n, end = space.model, len(space.model.prior), buffer.size
@@ -66,8 +68,7 @@ def smooth(
         at, fresh = starts[begin]
         if begin >= end:
             continue
-        rows = buffer.view(begin, end)
-        own = Outcome(*(column[begin:end].copy() for column in buffer.outcome))
+        rows, own = _recalled(model, buffer, begin, end, height_m)
         keep = end - begin
         out = passes.trace(keep, n, keep)
         x, P = at.x.copy(), at.P.copy()
@@ -79,3 +80,16 @@ def smooth(
         first = epochs(rows.t)
         yield rows.t[first], out.x[first], out.P[first]
         end = begin
+
+
+def _recalled(
+    model: Model, buffer: MeasurementBuffer, begin: int, end: int, height_m: float
+) -> tuple[Rows, Outcome]:
+    """Decided rows ``begin`` to ``end`` with their places, for which rows of shortly before are read, too."""
+    back, since_ns = 0, buffer.recall(begin, begin + 1)[0].t[0] - TOGETHER_NS
+    while True:
+        back = min(begin, 2 * back + 32)
+        rows, own = buffer.recall(begin - back, end)
+        if back == begin or rows.t[0] < since_ns:
+            places(rows, model.offset, model.rotation, model.is_ins, height_m, back)
+            return Rows(*(column[back:] for column in rows)), Outcome(*(column[back:] for column in own))

@@ -33,11 +33,10 @@ class Window:
     def lag_ns(self, settings: Settings) -> int:
         """How long later rows may change a decision: some scans of the slowest sensor that is speaking."""
         buffer = self.buffer
-        begin = max(buffer.decided - RECENT_ROWS, 0)
-        t, sensor = buffer.rows.t[begin : buffer.done], buffer.rows.sensor[begin : buffer.done]
+        recent = buffer.view(max(buffer.decided - RECENT_ROWS, 0), buffer.done)
         longest = 0.0
         for k in range(len(self.now.length)):
-            times = np.unique(t[sensor == k])[-RECENT_SCANS:]
+            times = np.unique(recent.t[recent.sensor == k])[-RECENT_SCANS:]
             if len(times) > 1:
                 longest = max(longest, float(np.median(np.diff(times))) * 1e-9)
         lag_s = max(settings.shortest_lag_s, settings.lag_scans * longest)
@@ -138,7 +137,8 @@ class Window:
         first, out = epochs(rows.t[:cut]), self.space.trace
         left = self.track(rows.t[first], out.x[first].copy(), out.P[first].copy())
         self._count(rows, cut)
-        buffer.outcome.regime[buffer.decided : buffer.decided + cut] += 2 * (len(self.densities) - 1)
+        made = buffer.made(buffer.decided, buffer.decided + cut)
+        made.regime[:] += 2 * (len(self.densities) - 1)
         self.densities.append(now.best.densities())
         seconds = (int(rows.t[cut - 1]) - now.best.anchor.t_ns) * 1e-9
         for bank in now.banks:

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from filters.models.rows import AZIMUTH, DUPLICATE, INVALID, ISOLATED, LATE, RANGE, ROW, USED
 from filters.smoother import status
-from filters.smoother.buffer import MeasurementBuffer, epochs, faults, outcome, refusals
+from filters.smoother.buffer import BLOCK, MeasurementBuffer, epochs, faults, outcome, refusals
 
 pytestmark = pytest.mark.decision
 
@@ -202,3 +202,31 @@ def test_refusals_are_final_with_their_reason():
     assert found["id"].tolist() == [0, 1, 2, 3]
     assert found["final"].all()
     assert np.isnan(found["predicted"]).all()
+
+
+def test_of_final_rows_of_long_ago_the_smoother_gets_what_was_made_of_them():
+    """The rows that still count keep their numbers, and memory does not grow."""
+    buffer, count = MeasurementBuffer(VARIANCE), 9 * BLOCK
+    new = np.zeros(count, ROW)
+    new["id"], new["t_ns"], new["value"] = np.arange(count), np.arange(count) * 10, np.arange(count) / 7
+    for part in np.array_split(new, 27):
+        put(buffer, part)
+        own = outcome(len(part))
+        own.weight[:], own.regime[:] = part["id"] % 3 / 2, part["id"]
+        own.residual[:] = part["id"]
+        buffer.judge(buffer.done, own, np.full(len(part), USED, "i1"), np.zeros(len(part), "i1"))
+        buffer.done = buffer.decided = buffer.size
+        buffer.final = max(0, buffer.done - 1000)
+        changed = buffer.changes()
+        assert np.array_equal(changed["predicted"], changed["id"] / 7 - changed["id"])
+    assert len(buffer._id) <= 4 * BLOCK
+    for begin, end in ((0, 5), (BLOCK - 3, BLOCK + 3), (100, count), (count - 5, count), (7, 7)):
+        found, own = buffer.recall(begin, end)
+        assert np.array_equal(found.t, 10 * np.arange(begin, end))
+        assert np.array_equal(found.value, np.arange(begin, end) / 7)
+        assert np.array_equal(own.weight, (np.arange(begin, end) % 3 / 2).astype("f4"))
+        assert np.array_equal(own.regime, np.arange(begin, end))
+    assert buffer.view(count - 2, count).t.tolist() == [10 * (count - 2), 10 * (count - 1)]
+    assert buffer.count_before(10 * (count - 4)) == count - 4
+    put(buffer, rows((count, 10 * count, 0, RANGE, 1.0)))
+    assert buffer.view(count, count + 1).value == 1.0
