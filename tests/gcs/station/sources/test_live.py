@@ -127,4 +127,5 @@ def test_live_is_the_replay(station, flight, tmp_path):
     assert put == session.ledger._measurements
     assert summary["verdicts"] == session.ledger.count_table()
     np.testing.assert_array_equal(best.smoothed["t_ns"], seen.smoothed["t_ns"])
-    np.testing.assert_allclose(best.smoothed["x"], seen.smoothed["x"], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(best.smoothed["x"][:, :3], seen.smoothed["x"][:, :3], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(best.smoothed["x"], seen.smoothed["x"], rtol=0, atol=1e-8)
