@@ -2,25 +2,28 @@
 
 A source that sends more than its rate loses what is beyond it. Where all together are more than the reader
 can take, the one with the most waiting loses its oldest and, while that lasts, some of its rate. So no source
-can push out another. What was lost is counted by source and handed on as `Excess`, once a second.
+can push out another. A reader that was away and catches up loses nothing. What was lost is counted by source
+and handed on as `Excess`, once a second.
 """
 
 import heapq
 import threading
-import time
 from collections import deque
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 from gcs.contract.limits import LARGEST_BYTES
+from gcs.contract.steady import now_ns
 from gcs.contract.supervision import log
 
+S = 1_000_000_000
 REPORT_S = 1.0  # between two counts of what one source lost
 QUIET_S = 2.0  # without loss for so long, it keeps to its limits again
 SOURCES = 256  # told apart; who comes after them shares one queue, so that invented names cost no memory
 OTHERS = "(others)"
 BEHIND_S = 1.0  # a reader whose oldest item has waited for so long is behind
 PATIENCE_S = 3.0  # it may be a hiccup; behind for so long, it cannot keep up
+GAIN = 0.5  # … unless what waits gets younger by so much of the time: then it catches up
 WILD_S = 0.1  # both, where a source is beyond its limits
 EASE_S = 10.0  # abreast for so long, it gets more again
 LEAST_SHARE = 1 / 64  # of a source's rate
@@ -45,9 +48,9 @@ class _Queue:
     """What waits of one source, and what it may still send."""
 
     def __init__(self, limits: Limits):
-        self.waiting: deque[tuple[int, float, str, Any, _Queue]] = deque()  # number, arrival, source, item
+        self.waiting: deque[tuple[int, int, str, Any, _Queue]] = deque()  # number, arrival, source, item
         self.limits, self.share = limits, 1.0  # of its rate, that a reader who is behind lets it have
-        self.allowance, self.since_s = limits.rate_hz * limits.burst_s, time.monotonic()
+        self.allowance, self.since_s = limits.rate_hz * limits.burst_s, _now_s()
         self.lost: dict[str, int] = {}  # reason → messages, not told yet
         self.lost_s = self.told_s = self.eased_s = -1e9
         self.over = False
@@ -81,25 +84,27 @@ class Inbox:
         self._capacity, self._limits_of = capacity, limits_of
         self._queues: dict[str, _Queue] = {}
         self._count = self._number = self._kept = 0  # waiting; put so far; last one that was kept for us
-        self._newest_s = self._abreast_s = time.monotonic()
+        self.arrived_ns = now_ns()  # of the newest item that was taken, or when there was none to take
+        self._newest_s = self._abreast_s = self._taken_s = _now_s()
+        self._behind_s = 0.0  # how old the oldest item was at _abreast_s
         self._filled = threading.Condition()
 
     @property
     def age_s(self) -> float:
         """How long the oldest message has waited."""
         with self._filled:
-            return self._age_s(time.monotonic())
+            return self._age_s(_now_s())
 
     @property
     def idle_s(self) -> float:
         """How long nothing has come."""
-        return time.monotonic() - self._newest_s
+        return _now_s() - self._newest_s
 
     def put(self, source: str, item: Any, size: int, *, kept: bool = False) -> None:
         """Take one item of ``size`` bytes; one that was ``kept`` for us does not count against the rate."""
-        now_s = time.monotonic()
         with self._filled:
-            self._newest_s = now_s
+            arrival_ns = now_ns()
+            now_s = self._newest_s = arrival_ns / S
             queue = self._queues.get(source) or self._queue(source)
             if size > LARGEST_BYTES:
                 self.refused += 1
@@ -114,7 +119,7 @@ class Inbox:
                 self._number += 1
                 self._count += 1
                 self._kept = self._number if kept else self._kept
-                queue.waiting.append((self._number, now_s, source, item, queue))
+                queue.waiting.append((self._number, arrival_ns, source, item, queue))
             self._filled.notify()
 
     def take(self, timeout_s: float, most: float = float("inf")) -> list[tuple[str, Any]]:
@@ -124,7 +129,7 @@ class Inbox:
         """
         with self._filled:
             self._filled.wait_for(lambda: self._count, timeout_s)
-            now_s = time.monotonic()
+            now_s = _now_s()
             self._relieve(now_s)
             told = list(self._losses(now_s))
             found: list[tuple] = []
@@ -135,15 +140,16 @@ class Inbox:
             for *_, queue in found:
                 queue.waiting.popleft()
             self._count -= len(found)
+            self.arrived_ns = found[-1][1] if found else now_ns()
         return told + [(source, item) for _, _, source, item, _ in found]
 
     def leave(self) -> list[tuple[str, Any]]:
         """At the end: all that was lost and is not told yet, and what still waits as lost too."""
         with self._filled:
             for queue in self._queues.values():
-                self._drop(queue, len(queue.waiting), time.monotonic(), "the station was stopped before")
+                self._drop(queue, len(queue.waiting), _now_s(), "the station was stopped before")
                 queue.told_s = -1e9
-            return list(self._losses(time.monotonic()))
+            return list(self._losses(_now_s()))
 
     def _queue(self, source: str) -> _Queue:
         name = source if len(self._queues) < SOURCES else OTHERS
@@ -151,7 +157,7 @@ class Inbox:
 
     def _age_s(self, now_s: float) -> float:
         heads = [queue.waiting[0][1] for queue in self._queues.values() if queue.waiting]
-        return now_s - min(heads) if heads else 0.0
+        return now_s - min(heads) / S if heads else 0.0
 
     def _drop(self, queue: _Queue, count: int, now_s: float, why: str = SLOW) -> None:
         for _ in range(count):
@@ -167,12 +173,19 @@ class Inbox:
         """
         wild = [queue for queue in self._queues.values() if now_s - queue.lost_s < QUIET_S]
         behind_s, patience_s = (WILD_S, WILD_S) if wild else (BEHIND_S, PATIENCE_S)
-        if self._age_s(now_s) < behind_s:
-            self._abreast_s = now_s
+        age_s, away_s, self._taken_s = self._age_s(now_s), now_s - self._taken_s, now_s
+        if away_s > PATIENCE_S:  # nobody read: that says nothing of how fast it reads
+            self._abreast_s, self._behind_s = now_s, age_s
+        if age_s < behind_s:
+            self._abreast_s, self._behind_s = now_s, age_s
             for queue in self._queues.values():
                 if queue.share < 1.0 and now_s - queue.eased_s > EASE_S:
                     queue.share, queue.eased_s = min(1.0, 2.0 * queue.share), now_s
         elif now_s - self._abreast_s > patience_s:
+            gained_s, self._behind_s = self._behind_s - age_s, age_s
+            if not wild and gained_s > GAIN * (now_s - self._abreast_s):
+                self._abreast_s = now_s
+                return
             noisiest = max(wild or self._queues.values(), key=_waiting)
             if noisiest.limits.rate_hz < float("inf"):
                 others = (_waiting(queue) for queue in self._queues.values() if queue is not noisiest)
@@ -192,6 +205,10 @@ class Inbox:
             elif queue.over and not queue.lost and now_s - queue.lost_s > QUIET_S:
                 queue.over = False
                 log.info("%s keeps to its limits again", _short(name))
+
+
+def _now_s() -> float:
+    return now_ns() / S
 
 
 def _waiting(queue: _Queue) -> int:

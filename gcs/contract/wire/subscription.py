@@ -75,17 +75,19 @@ class Subscription:
         """
         return self._read_all(self._inbox.take(timeout_s))
 
-    def turns(self, stop: threading.Event, timeout_s: float) -> Iterator[list[tuple[str, ANY]]]:
-        """What `drain` gives, a turn's worth each time, until ``stop``; then what has come until then.
+    def turns(self, stop: threading.Event, timeout_s: float) -> Iterator[tuple[int, list[tuple[str, ANY]]]]:
+        """When it arrived, and what `drain` gives, a turn's worth each time, until ``stop``; then what is left.
 
-        What could not be taken in within LAST_S after that comes last of all, as lost.
+        Not when it is read: a reader that was away must not call late what came in time. What could not be
+        taken in within LAST_S after ``stop`` comes last of all, as lost.
         """
         while not stop.is_set():
-            yield self._read_all(self._inbox.take(timeout_s, TURN))
+            items = self._inbox.take(timeout_s, TURN)
+            yield self._inbox.arrived_ns, self._read_all(items)
         end_s = time.monotonic() + LAST_S
         while (items := self._inbox.take(0.0, TURN)) and time.monotonic() < end_s:
-            yield self._read_all(items)
-        yield self._read_all(items + self._inbox.leave())
+            yield self._inbox.arrived_ns, self._read_all(items)
+        yield self._inbox.arrived_ns, self._read_all(items + self._inbox.leave())
 
     def push(self, sample: Sample) -> None:
         # Zenoh's thread: a slow callback would stall every key of the session, so nothing else happens here.

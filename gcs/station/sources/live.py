@@ -10,7 +10,6 @@ import numpy as np
 
 from gcs.contract import messages
 from gcs.contract.messages import ANY, AirData, Bad, Event, InsMeasurement, PolarMeasurement
-from gcs.contract.steady import now_ns
 from gcs.station.session import Session
 from gcs.station.sources.clocks import FAULTS, FlightClock
 
@@ -87,8 +86,7 @@ def run(
 ) -> dict:
     """Serve until ``stop``; returns the summary. ``keep`` is given each turn before anything is decided."""
     stop.wait(SETTLE_S)
-    for arrived in feeds.incoming.turns(stop, POLL_S):
-        arrival_ns = now_ns()
+    for arrival_ns, arrived in feeds.incoming.turns(stop, POLL_S):
         keep(arrival_ns, arrived)
         turn(session, feeds, arrived, arrival_ns)
     queue = feeds.incoming
@@ -99,7 +97,7 @@ def run(
 
 
 def turn(session: Session, feeds: Arrivals, arrived: Arrived, arrival_ns: int) -> None:
-    """One turn: ``(source, message)`` in order of arrival, all taken at ``arrival_ns``, through the session.
+    """One turn: ``(source, message)`` in order of arrival, the last at ``arrival_ns``, through the session.
 
     A function of its arguments in their order: the same turns give the same results.
     """

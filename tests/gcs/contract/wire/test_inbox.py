@@ -13,7 +13,7 @@ from gcs.contract.wire.inbox import Excess, Inbox, Limits
 def clock(monkeypatch):
     """Time that passes when told to."""
     now = [1000.0]
-    monkeypatch.setattr(inbox.time, "monotonic", lambda: now[0])
+    monkeypatch.setattr(inbox, "now_ns", lambda: round(now[0] * 1e9))
     return now
 
 
@@ -148,6 +148,37 @@ def test_a_hiccup_costs_nobody_anything(clock):
     found = all_of(box)
     assert len(items(found, "theo")) == 80
     assert lost(found, "theo") == []
+
+
+def test_a_reader_that_was_away_and_catches_up_loses_nobody_anything(clock):
+    """A minute at 90 a second waits; the reader then takes 300 a second while 90 go on coming."""
+    box, found = Inbox(20_000, lambda _key: Limits(200.0)), []
+    for _ in range(60):
+        clock[0] += 1.0
+        put(box, "ins", 50)
+        put(box, "theo", 40)
+    for _ in range(400):
+        clock[0] += 0.1
+        put(box, "ins", 5)
+        put(box, "theo", 4)
+        found += box.take(0.0, 30)
+    assert box.age_s == 0.0
+    assert len(items(found, "ins")) == 60 * 50 + 400 * 5
+    assert not lost(found, "ins")
+
+
+def test_what_was_taken_has_its_time_of_arrival_not_of_reading(clock):
+    box = Inbox(100)
+    put(box, "theo", 2)
+    clock[0] += 60.0
+    put(box, "theo", 1)
+    clock[0] += 5.0
+    box.take(0.0, 2)
+    assert box.arrived_ns == 1000 * inbox.S
+    box.take(0.0, 2)
+    assert box.arrived_ns == 1060 * inbox.S
+    box.take(0.0)
+    assert box.arrived_ns == 1065 * inbox.S
 
 
 def test_invented_names_cost_no_memory(clock):
