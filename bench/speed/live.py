@@ -24,6 +24,8 @@ import zenoh
 from gcs.contract.messages import InsMeasurement, PolarMeasurement, State
 from gcs.contract.wire.bus import Bus
 
+FIRST_S = 10.0  # of the start, not counted
+LAST_S = 1.0  # nor of the end: what is newest then waits for sources that have ended, as long as hold_s
 ENDPOINT = "tcp/127.0.0.1:17447"
 ORIGIN = (-35.363261, 149.16523, 584.0)
 RATES_HZ = {"ins": 50.0, "theo-north": 20.0, "radar-1": 20.0}
@@ -125,13 +127,17 @@ def report(received: list[tuple[int, bytes]], seconds: float) -> str:
     states = [(arrival_ns, json.loads(payload)) for arrival_ns, payload in received]
     numbers = [state["seq"] for _, state in states]
     gaps = sum(after != before + 1 for before, after in itertools.pairwise(numbers))
-    latency_ms = sorted((arrival_ns - state["t_ns"]) / 1e6 for arrival_ns, state in states)
-    p50, p99, worst = (latency_ms[int(share * (len(latency_ms) - 1))] for share in (0.5, 0.99, 1.0))
+    begin_ns = states[0][1]["t_ns"] + round(FIRST_S * 1e9)
+    end_ns = states[-1][1]["t_ns"] - round(LAST_S * 1e9)
+    counted = [(at, state["t_ns"]) for at, state in states if begin_ns < state["t_ns"] < end_ns]
+    found = [(arrival_ns - t_ns) / 1e6 for arrival_ns, t_ns in counted]
+    p50, p99, worst = (sorted(found)[int(share * (len(found) - 1))] for share in (0.5, 0.99, 1.0))
     expected = int(sum(seconds * rate for rate in RATES_HZ.values()))
     return (
         f"{expected} measurements put; {len(states)} states received, numbers {numbers[0]} to {numbers[-1]}, "
         f"{gaps} out of order, missing or twice\n"
-        f"latency put to received: p50 {p50:.2f} ms, p99 {p99:.2f} ms, worst {worst:.2f} ms"
+        f"latency put to received after {FIRST_S:g} s, n = {len(found)}: "
+        f"p50 {p50:.2f} ms, p99 {p99:.2f} ms, worst {worst:.2f} ms"
     )
 
 

@@ -83,8 +83,8 @@ def new_session(
 ) -> Session:
     """A session with its sinks, compiled and ready for the first measurement."""
     sinks: list[Sink] = [*records, Console()]
-    if send_to:
-        sinks.append(Publisher(frame, Monitor(station.sources, feeds, parts), send_to))
+    if send_to:  # first: a state that somebody waits for goes out before files are written
+        sinks.insert(0, Publisher(frame, Monitor(station.sources, feeds, parts), send_to))
     prepare()
     session = Session(station, frame, sinks, method, correction)
     session.estimator.warm_up()

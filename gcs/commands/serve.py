@@ -33,6 +33,7 @@ from gcs.station.sources import live
 if TYPE_CHECKING:
     from gcs.contract.wire.bus import Bus
 
+SWITCH_S = 0.0005  # of threads: with Python's 5 ms a state waits so long for the thread that sends it
 LAST_TRIES = 20  # failures of the loop without a minute's work between them: nothing can go on
 
 
@@ -93,6 +94,7 @@ def serve(
             timer = threading.Timer(seconds, stop.set)
             timer.daemon = True
             timer.start()
+        sys.setswitchinterval(SWITCH_S)
         gc.collect()
         gc.freeze()  # what is loaded by now stays: else each full collection walks through all of it, 0.1 s
         with supervisor.watched("session", over) as pulse:

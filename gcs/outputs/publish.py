@@ -29,10 +29,10 @@ class Publisher:
 
     def take(self, update: Update) -> None:
         due = self._monitor.take(update)  # first: it knows how old each sensor's newest measurement is
+        for subject, track in (("state", update.track), ("smoothed", update.smoothed)):
+            self._send_states(subject, track)
         for source, verdict in verdicts(update.judged, update.ledger):
             self._send("verdict", verdict, source)
-        for subject, track in (("smoothed", update.smoothed), ("state", update.track)):
-            self._send_states(subject, track)
         if update.failed and self._last:
             failed = msgspec.structs.replace(self._last, seq=self._seq["state"], quality=FAILED)
             self._seq["state"] += 1
@@ -45,11 +45,13 @@ class Publisher:
         self._send("event", Event(t_ns=self._monitor.now_ns, level="info", text="end of data"))
 
     def _send_states(self, subject: str, track: np.ndarray) -> None:
+        if not len(track):
+            return
         for state in states(track, self._frame, self._seq[subject], self._monitor.ages_s):
             self._send(subject, state)
             self._last = state if subject == "state" else self._last
         self._seq[subject] += len(track)
-        if subject == "smoothed" and len(track):
+        if subject == "smoothed":
             self._smoothed_ns = int(track["t_ns"][-1])
 
     def _send(self, subject: str, message: ANY, source: str = "") -> None:

@@ -62,12 +62,16 @@ class Align:
         rows, self._waiting = self._waiting[ready], self._waiting[~ready]
         if not len(rows):
             return rows, rows["id"]
-        known = np.concatenate([self._released, rows])
-        known = known[np.lexsort((known["id"], known["channel"], known["sensor"], known["t_ns"]))]
+        begin = np.searchsorted(self._released["t_ns"], rows["t_ns"].min())
+        known = np.concatenate([self._released[begin:], rows])
+        fresh = np.arange(len(known)) >= len(known) - len(rows)
+        order = np.lexsort((known["id"], known["channel"], known["sensor"], known["t_ns"]))
+        known, fresh = known[order], fresh[order]
         repeats = np.zeros(len(known), dtype=bool)
         repeats[1:] = np.logical_and.reduce(
             [known[field][1:] == known[field][:-1] for field in ("t_ns", "sensor", "channel")]
         )
-        duplicates, known = known["id"][repeats], known[~repeats]
-        self._released = known[known["t_ns"] > known["t_ns"][-1] - MEMORY_NS]
-        return known[np.isin(known["id"], rows["id"])], duplicates
+        duplicates, known, fresh = known["id"][repeats], known[~repeats], fresh[~repeats]
+        oldest = np.searchsorted(self._released["t_ns"], known["t_ns"][-1] - MEMORY_NS, side="right")
+        self._released = np.concatenate([self._released[min(oldest, begin) : begin], known])
+        return known[fresh], duplicates

@@ -76,7 +76,7 @@ class Subscription:
         return self._read_all(self._inbox.take(timeout_s))
 
     def turns(self, stop: threading.Event, timeout_s: float) -> Iterator[tuple[int, list[tuple[str, ANY]]]]:
-        """When it arrived, and what `drain` gives, a turn's worth each time, until ``stop``; then what is left.
+        """When it arrived, and what `drain` gives, a turn at a time, until ``stop``; then what is left.
 
         Not when it is read: a reader that was away must not call late what came in time. What could not be
         taken in within LAST_S after ``stop`` comes last of all, as lost.

@@ -101,7 +101,7 @@ class FlightClock:
         self._names = set(voters)
         self._sources: dict[str, Voter] = {}
         self._lag_ns: int | None = None  # of a measurement without delay, at _now_ns; None: not settled
-        self._lags: deque[tuple[int, int]] = deque()  # (time, lag of the group) of the last VOTE_NS
+        self._lags: deque[tuple[int, int]] = deque()  # (time, lag of the group) in VOTE_NS, ten a second
         self._rate = 0.0  # growth of all lags: 0 in real time, −1 for a recording at double speed
         self._now_ns = self._began_ns = self._against_ns = 0
         self._promptest_ns = 0
@@ -225,10 +225,11 @@ class FlightClock:
 
     def _lowest(self, lag_ns: int) -> int:
         """The lowest lag of late: who was held up with all others is prompt again, and not in the future."""
-        self._lags.append((self._now_ns, lag_ns))
+        if not self._lags or self._now_ns - self._lags[-1][0] >= S // 10:
+            self._lags.append((self._now_ns, lag_ns))
         while self._now_ns - self._lags[0][0] > VOTE_NS:
             self._lags.popleft()
-        return min(lag + round(self._rate * (self._now_ns - then)) for then, lag in self._lags)
+        return min(lag_ns, *(lag + round(self._rate * (self._now_ns - then)) for then, lag in self._lags))
 
     def _take(self, group: Iterable[str]) -> None:
         """Take a group's clock for the flight's: its pace, then its time."""
