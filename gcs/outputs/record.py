@@ -1,7 +1,7 @@
 """The run folder: track.csv, smoothed.csv, verdicts.csv, summary.json and the resolved station file."""
 
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from itertools import chain
 from math import isfinite
 from pathlib import Path
@@ -49,7 +49,8 @@ class Record:
             else:
                 file.flush()
         if len(update.retired):
-            self._verdicts.write(verdict_lines(update.retired, update.ledger).encode(), len(update.retired))
+            lines = verdict_lines(update.retired, update.ledger, update.remarks)
+            self._verdicts.write(lines.encode(), len(update.retired))
         else:
             self._verdicts.flush()
 
@@ -98,10 +99,10 @@ def track_lines(track: np.ndarray, frame: Frame) -> str:
     return "".join(TRACK_LINE % (t_ns, *row, *rest) for t_ns, row, *rest in lines)
 
 
-def verdict_lines(entries: np.ndarray, ledger: Ledger) -> str:
-    """(n,) ENTRY as lines of verdicts.csv; what has no number is left empty."""
+def verdict_lines(entries: np.ndarray, ledger: Ledger, remarks: Mapping[int, str] | None = None) -> str:
+    """(n,) ENTRY as lines of verdicts.csv; what has no number is left empty. ``remarks``: of an Update."""
     channels = [*CHANNELS, ""]  # channel −1: the whole line
-    reasons = ledger.reason_texts(entries)
+    reasons = ledger.reason_texts(entries, remarks)
     columns = (entries[f].tolist() for f in ("t_ns", "sensor", "channel", "verdict", "weight"))
     numbers = zip(*(entries[f].tolist() for f in ("value", "predicted", "sigma")), strict=True)
     return "".join(

@@ -1,5 +1,7 @@
 """The ledger: every value that came in, by number, with what was done with it. Nothing is lost here."""
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from gcs.contract.messages import CHANNELS, VERDICTS
@@ -36,7 +38,7 @@ class Ledger:
         self._reason_index = {text: index for index, text in enumerate(reasons)}
         self._remarks: dict[int, str] = {}
         self._remarked = 0
-        self._gone: list[int] = []  # remarks on what was retired last: the sinks may still ask for them
+        self.parting: dict[int, str] = {}  # remarks on what was retired last; a new one each time
         self.first = 0
         self.counts = np.zeros((len(sensors), len(CHANNELS) + 1, len(VERDICTS)), dtype=np.int64)
         self.doubted = np.zeros_like(self.counts)
@@ -119,9 +121,10 @@ class Ledger:
         held = self.entries
         n = len(held) if held["final"].all() else int(np.argmin(held["final"]))
         done = held[:n].copy()
-        for index in self._gone:
+        for index in self.parting:
             self._remarks.pop(index, None)
-        self._gone = done["reason"][done["reason"] < 0].tolist()
+        codes = done["reason"][done["reason"] < 0].tolist()
+        self.parting = {code: self._remarks[code] for code in codes}
         np.add.at(self.counts, (done["sensor"], done["channel"], done["verdict"]), done["count"])
         np.add.at(self.doubted, (done["sensor"], done["channel"], done["verdict"]), done["screened"])
         self._entries[: self._size - n] = held[n:].copy()
@@ -129,8 +132,12 @@ class Ledger:
         self.first += n
         return done
 
-    def reason_texts(self, entries: np.ndarray) -> list[str]:
-        """Why, in words, for each of (n,) ENTRY: how far from the prediction, and who else doubts it."""
+    def reason_texts(self, entries: np.ndarray, remarks: Mapping[int, str] | None = None) -> list[str]:
+        """Why, in words, for each of (n,) ENTRY: how far from the prediction, and who else doubts it.
+
+        ``remarks`` are needed for entries that were retired some turns ago: they are forgotten here.
+        """
+        remarks = self._remarks if remarks is None else remarks
         with np.errstate(invalid="ignore", divide="ignore"):
             off = entries["value"] - entries["predicted"]
             wrapped = np.where(
@@ -138,15 +145,15 @@ class Ledger:
             )
             sigmas = np.where(entries["sigma"] > 0.0, np.abs(wrapped) / entries["sigma"], np.nan)
         return [
-            self._text(code, far, screened=screened)
+            self._text(self.reasons[code] if code >= 0 else remarks[code], far, screened=screened)
             for code, far, screened in zip(
                 entries["reason"].tolist(), sigmas.tolist(), entries["screened"].tolist(), strict=True
             )
         ]
 
-    def _text(self, code: int, far: float, *, screened: bool) -> str:
-        text = self.reasons[code] if code >= 0 else self._remarks[code]
-        text = f"{text} ({far:.1f} sigma)" if code and far == far else text
+    @staticmethod
+    def _text(text: str, far: float, *, screened: bool) -> str:
+        text = f"{text} ({far:.1f} sigma)" if text and far == far else text
         if not screened:
             return text
         return f"{text}; screening agrees" if text else "screening alone doubts it"

@@ -3,7 +3,7 @@
 measurements → intake → align → witness, estimator → air → ledger → sinks
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import NamedTuple, Protocol
 
@@ -45,6 +45,7 @@ class Update(NamedTuple):
     told: Sequence[Wind | Event] = ()  # of the air
     report: Callable[[], dict] = dict  # the estimator's own, of this moment
     failed: bool = False  # measurements come, and no state can be told any more
+    remarks: Mapping[int, str] | None = None  # texts of ``retired`` alone; the ledger soon forgets them
 
 
 class Sink(Protocol):
@@ -178,7 +179,9 @@ class Session:
         judged = self.ledger.at(ids)
         smoothed, retired = self._told_only(step.smoothed), self.ledger.retire()
         report = self.estimator.report
-        update = Update(step.track, smoothed, judged, retired, self.ledger, told, report, failed)
+        update = Update(
+            step.track, smoothed, judged, retired, self.ledger, told, report, failed, self.ledger.parting
+        )
         for sink in self.sinks:
             sink.take(update)
 

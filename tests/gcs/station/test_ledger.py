@@ -139,6 +139,17 @@ def test_a_line_that_stands_for_many_counts_as_many(intake, ledger):
     assert ledger.count_table()["theo"] == {"line": {"invalid": 9_900}}
 
 
+def test_who_writes_late_still_has_the_remarks(intake, ledger):
+    """The record is written in a thread of its own, turns later."""
+    told = []
+    for number in range(5):
+        bad = Bad(source="theo", where=f"line {number}", reason="no JSON object")
+        intake.enter(intake.bad("theo", [bad]))
+        told.append((ledger.retire(), ledger.parting))
+    texts = [ledger.reason_texts(retired, remarks) for retired, remarks in told]
+    assert texts == [[f"line {number}: no JSON object"] for number in range(5)]
+
+
 def test_remarks_on_single_lines_are_forgotten_with_them(intake, ledger):
     for number in range(500):
         bad = Bad(source="theo", where=f"udp 127.0.0.1:9001 #{number}", reason="no JSON object")
