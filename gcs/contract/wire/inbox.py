@@ -1,6 +1,8 @@
 """Where messages wait for their reader: bounded, a queue and an allowance for each source.
 
-A source that sends more than its rate loses what is beyond it. Where all together are more than the reader
+A source that sends more than its rate loses what is beyond it; one that sends `WILD` times what it may
+within a second is no instrument any more: what waits of it goes, and it gets little until it keeps to its
+rate again. Where all together are more than the reader
 can take, the one with the most waiting loses its oldest and, while that lasts, some of its rate. So no source
 can push out another. A reader that was away and catches up loses nothing. What was lost is counted by source
 and handed on as `Excess`, once a second.
@@ -25,6 +27,7 @@ BEHIND_S = 1.0  # a reader whose oldest item has waited for so long is behind
 PATIENCE_S = 3.0  # it may be a hiccup; behind for so long, it cannot keep up
 GAIN = 0.5  # … unless what waits gets younger by so much of the time: then it catches up
 WILD_S = 0.1  # both, where a source is beyond its limits
+WILD, WILD_SHARE = 3, 1 / 16  # times its burst within a second; of its rate, what it then gets
 EASE_S = 10.0  # abreast for so long, it gets more again
 LEAST_SHARE = 1 / 64  # of a source's rate
 SLOW = "faster than it can be taken in"
@@ -53,11 +56,22 @@ class _Queue:
         self.allowance, self.since_s = limits.rate_hz * limits.burst_s, _now_s()
         self.lost: dict[str, int] = {}  # reason → messages, not told yet
         self.lost_s = self.told_s = self.eased_s = -1e9
-        self.over = False
+        self.over = self.wild = False
+        self.heard, self.heard_s = 0, self.since_s  # messages in the second that began then
 
     @property
     def rate_hz(self) -> float:
-        return self.limits.rate_hz * self.share
+        return self.limits.rate_hz * (min(self.share, WILD_SHARE) if self.wild else self.share)
+
+    def hear(self, now_s: float) -> bool:
+        """Count one message; True when it makes the source a wild one."""
+        was, most = self.wild, WILD * self.limits.rate_hz * self.limits.burst_s
+        if now_s - self.heard_s >= 1.0:
+            self.wild = self.heard > self.limits.rate_hz if was else False
+            self.heard, self.heard_s = 0, now_s
+        self.heard += 1
+        self.wild = self.wild or self.heard > most
+        return self.wild and not was
 
     def allows(self, now_s: float) -> bool:
         """Token bucket: the allowance grows with time, and each message takes one of it."""
@@ -106,12 +120,15 @@ class Inbox:
             arrival_ns = now_ns()
             now_s = self._newest_s = arrival_ns / S
             queue = self._queues.get(source) or self._queue(source)
+            if not kept and queue.hear(now_s):
+                queue.allowance = 0.0
+                self._drop(queue, len(queue.waiting), now_s, f"more than {queue.limits.rate_hz:g} a second")
             if size > LARGEST_BYTES:
                 self.refused += 1
                 queue.lose(f"more than {LARGEST_BYTES} bytes", now_s)
             elif not kept and not queue.allows(now_s):
                 self.refused += 1
-                queue.lose(f"more than {queue.rate_hz:g} a second", now_s)
+                queue.lose(f"more than {queue.limits.rate_hz * queue.share:g} a second", now_s)
             else:
                 if self._count == self._capacity:
                     longest = max(self._queues.values(), key=lambda queue: len(queue.waiting))

@@ -47,7 +47,7 @@ def test_a_flood_is_cut_to_its_rate_and_nobody_else_loses_anything(clock, caplog
         found += all_of(box)
     assert len(items(found, "calm")) == 1000
     kept = len(items(found, "wild"))
-    assert 1490 < kept <= 500 + 10 * 100  # the burst, then its rate
+    assert 50 < kept <= 600  # the burst, then little
     clock[0] += 3.0
     found += all_of(box)
     assert kept + sum(count for count, _ in lost(found, "wild")) == 100_000
@@ -187,6 +187,30 @@ def test_invented_names_cost_no_memory(clock):
         box.put(f"demo/uav1/raw/{number}", number, 100)
         box.take(0.0)
     assert len(box._queues) <= inbox.SOURCES + 1
+
+
+def test_a_source_above_its_rate_is_cut_to_it(clock):
+    """Twice its rate is too much, three times its burst within a second would be wild."""
+    box, found = Inbox(20_000, lambda _key: Limits(100.0, 1.0)), []
+    for _ in range(1000):
+        clock[0] += 0.01
+        put(box, "theo", 2)
+        found += all_of(box)
+    assert 1090 < len(items(found, "theo")) <= 1100
+
+
+def test_a_wild_source_gets_its_rate_again_once_it_keeps_to_it(clock):
+    box = Inbox(20_000, lambda _key: Limits(100.0, 1.0))
+    put(box, "theo", 90)
+    put(box, "theo", 1000)
+    assert items(all_of(box), "theo") == []  # what waited of it is dropped, too
+    for _ in range(3):
+        clock[0] += 1.0
+        put(box, "theo", 50)
+        all_of(box)
+    clock[0] += 1.0
+    put(box, "theo", 50)
+    assert len(items(all_of(box), "theo")) == 50
 
 
 def test_what_waits_at_the_end_is_counted(clock):
