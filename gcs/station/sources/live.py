@@ -18,17 +18,38 @@ if TYPE_CHECKING:  # a replay of a recording takes the same turns, and needs no 
 
 SETTLE_S = 1.0  # a restarted station is given what the bridges kept; all of it, before the first row goes in
 POLL_S = 0.01  # how long one turn waits for the first measurement; also how often a hold can run out
+CELL_NS = 100_000_000  # of stamps: in one of them a source has twice what its rate allows, and no more
+CELLS = 50  # of a source that are remembered
+CROWD = "more at once than its rate allows: refused, so that the others are judged in time"
 STRANGERS = 50  # unknown names that are counted apart
 
 Arrived = Sequence[tuple[str, ANY]]  # (source, message) in the order of arrival
 Keep = Callable[[int, Arrived], None]
 
 
+class Crowd:
+    """How many measurements of each source there are by time: a burst costs the filter whole seconds."""
+
+    def __init__(self) -> None:
+        self._counts: dict[str, dict[int, int]] = {}
+
+    def too_many(self, name: str, t_ns: np.ndarray, rate_hz: float) -> np.ndarray:
+        """(n,) bool, which of a source's measurements at (n,) ``t_ns`` are beyond what a cell takes."""
+        counts, most = self._counts.setdefault(name, {}), max(2, round(2e-9 * rate_hz * CELL_NS))
+        found = np.zeros(len(t_ns), bool)
+        for k, cell in enumerate((t_ns // CELL_NS).tolist()):
+            counts[cell] = counts.get(cell, 0) + 1
+            found[k] = counts[cell] > most
+            if len(counts) > CELLS:
+                del counts[next(iter(counts))]
+        return found
+
+
 class Arrivals:
     """What live turns remember: the flight's clock, what waits for it, and who is not known here."""
 
     def __init__(self, sensors: list[str], lateness_s: float):
-        self.clock = FlightClock(sensors, lateness_s)
+        self.clock, self.crowd = FlightClock(sensors, lateness_s), Crowd()
         self.waiting: list[tuple[int, str, list[ANY]]] = []  # (arrival, source, messages) of past turns
         self.strangers: Counter = Counter()
         self.told: list[tuple[str, str]] = []  # (level, text) since the last turn
@@ -144,6 +165,10 @@ def _enter(session: Session, name: str, measured: np.ndarray, feeds: Arrivals, a
     fault = feeds.clock.judge(name, measured["t_ns"], arrival_ns)[batch.entries["measurement"]]
     reasons = np.array([session.ledger.reason(text) for text in FAULTS])
     batch.complaints[fault > 0] = reasons[fault[fault > 0]]
+    bus = intake.station.bus
+    rate_hz = bus.ins_rate_hz if name == "ins" else bus.rate_hz
+    crowd = feeds.crowd.too_many(name, measured["t_ns"], rate_hz)[batch.entries["measurement"]]
+    batch.complaints[crowd] = session.ledger.reason(CROWD)
     session.enter(batch, arrival_ns)
 
 

@@ -107,6 +107,25 @@ def test_what_waits_for_a_clock_at_the_end_has_a_verdict(station_side):
     assert counts["line"] == {"invalid": 1}
 
 
+def test_a_burst_beyond_the_rate_is_refused_and_spread_out_it_is_not(station_side):
+    """200 a second: at most 40 within a tenth of a second of stamps, whenever they arrive."""
+    sink, session, feeds = station_side
+    now_ns = 1_767_225_600 * S
+    spread = [m for k in range(100) for m in shots(now_ns + k * S // 100)]
+    live.turn(session, feeds, [("theo-north", m) for m in spread], now_ns + S)
+    live.turn(session, feeds, [("theo-north", m) for m in shots(now_ns + S, 100)], now_ns + S)
+    live.finish(session, feeds, {})
+    assert sink.reasons.count(live.CROWD) == 60
+
+
+def test_the_crowd_forgets_old_cells():
+    crowd = live.Crowd()
+    t_ns = 1_767_225_600 * S + np.arange(1000) * live.CELL_NS
+    assert not crowd.too_many("theo", t_ns, 200.0).any()
+    assert len(crowd._counts["theo"]) <= live.CELLS
+    assert crowd.too_many("theo", np.full(41, t_ns[-1]), 200.0).sum() == 2  # with the one before
+
+
 def test_the_same_turns_give_the_same_bits(flown):
     alone = clocks.cut(flown, 0.0, 3.0)
     first, second = (clocks.run_live(alone, alone) for _ in range(2))
