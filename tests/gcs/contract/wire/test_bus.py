@@ -34,7 +34,7 @@ def test_a_burst_from_three_processes_arrives_once_and_in_order(station, endpoin
     with contextlib.ExitStack() as running:
         for source in sources:
             running.enter_context(process(PUBLISHER, endpoint, str(count), source, "0"))
-        got = collect(subscription, 3 * count)
+        got = collect(subscription, 3 * count, 60.0)
     for source in sources:
         assert [message.t_ns for name, message in got if name == source] == list(range(count))
     assert (subscription.dropped, subscription.missed, subscription.undecodable) == (0, 0, 0)
