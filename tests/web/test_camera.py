@@ -5,15 +5,18 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from viser.transforms import SO3
 
 from tests.web.flight import SCENE
-from web.camera import FOLLOW, TOP, Camera, modes
+from web.camera import ABOVE, AWAY, FOLLOW, ROOM, TOP, Camera, corners, fit, modes
 
 NONE = np.zeros(3)
 
 
 def viewer() -> tuple[Camera, SimpleNamespace]:
-    handle = SimpleNamespace(position=np.zeros(3), look_at=np.zeros(3), fov=0.9, image_height=900)
+    handle = SimpleNamespace(
+        position=np.zeros(3), look_at=np.zeros(3), fov=0.9, image_height=900, image_width=900
+    )
     world = SimpleNamespace(position=np.zeros(3))
     client = SimpleNamespace(
         camera=handle, atomic=nullcontext, scene=SimpleNamespace(add_frame=lambda *_, **__: world)
@@ -38,6 +41,43 @@ def test_the_sight_widens_with_the_flight_but_not_for_a_hand_on_the_mouse():
         each.update(None, low, high)
     for corner in (low, high, (0.0, 2000.0, 400.0)):
         assert seen_deg(untouched, corner) < 40
+    np.testing.assert_array_equal(moved.position, chosen)
+
+
+@pytest.mark.parametrize("away", [AWAY, ABOVE])
+@pytest.mark.parametrize("aspect", [0.6, 0.77, 1.0, 1.8])
+def test_all_is_inside_the_picture_and_as_large_as_can_be(aspect, away):
+    points = corners(np.array([-1000.0, -640.0, 0.0]), np.array([950.0, 1900.0, 400.0]))
+    eye, at = fit(points, away, 0.9, aspect)
+    view = SO3.from_matrix(looking(eye, at)).inverse()
+    x, y, z = np.array([view.apply(point - eye) for point in points]).T
+    assert np.all(z > 0)
+    wide, high = np.abs(x / z).max() / (aspect * np.tan(0.45)), np.abs(y / z).max() / np.tan(0.45)
+    assert max(wide, high) == pytest.approx(ROOM)
+    for across, much in ((x, wide), (y, high)):  # what there is, is in the middle
+        if much == pytest.approx(ROOM):
+            assert (across / z).min() == pytest.approx(-(across / z).max())
+
+
+def looking(eye: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """(3, 3) right, down, ahead, by columns."""
+    ahead = (at - eye) / np.linalg.norm(at - eye)
+    right = np.cross(ahead, (0, 0, 1))
+    right /= np.linalg.norm(right)
+    return np.column_stack([right, np.cross(ahead, right), ahead])
+
+
+def test_a_picture_that_became_narrower_is_looked_at_from_farther():
+    (camera, untouched), (other, moved) = viewer(), viewer()
+    low, high = np.array([-900.0, -600.0, 0.0]), np.array([900.0, 600.0, 300.0])
+    for each in (camera, other):
+        each.update(None, low, high)
+    before = untouched.position
+    moved.position = chosen = np.array([1.0, 2000.0, 50.0])
+    for each, handle in ((camera, untouched), (other, moved)):
+        handle.image_width = 500
+        each.update(None, low, high)
+    assert np.linalg.norm(untouched.position) > 1.2 * np.linalg.norm(before)
     np.testing.assert_array_equal(moved.position, chosen)
 
 
