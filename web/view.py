@@ -16,6 +16,7 @@ import viser
 from gcs.contract.messages import ANY, InputError, Scene
 from gcs.contract.supervision import Part, brief, log
 from web.memory.flight import SeenFlight
+from web.memory.other import Geodetic, OtherTrack
 from web.origins import only
 from web.panel.limits import OperatorLimits
 from web.panel.player import Playable
@@ -35,7 +36,10 @@ class ViewError(InputError):
 
 
 class View:
-    """A page for any number of viewers. With ``playback`` they also steer a replay."""
+    """A page for any number of viewers. With ``playback`` they also steer a replay.
+
+    ``other`` is another course of the same flight, to be laid beside it.
+    """
 
     def __init__(
         self,
@@ -44,6 +48,7 @@ class View:
         port: int = 8080,
         playback: Playable | None = None,
         origins: Collection[str] = (),
+        other: Geodetic | None = None,
     ):
         with _hush(), only(port, origins):
             self._server = viser.ViserServer(host="127.0.0.1", port=port, label="gcs", verbose=False)
@@ -51,7 +56,8 @@ class View:
             self._stop_server()
             raise ViewError(f"port {port} is in use: stop the program that holds it, or take another port")
         self.url = f"http://127.0.0.1:{port}"
-        self.flight, self.playback, self.limits = SeenFlight(scene), playback, OperatorLimits()
+        self.flight = SeenFlight(scene, OtherTrack(other, scene) if other else None)
+        self.playback, self.limits = playback, OperatorLimits()
         self.dark = False
         self._queue: deque = deque(maxlen=QUEUE)
         self._todo: deque[Callable[[], None]] = deque()
@@ -155,11 +161,17 @@ def _hush() -> contextlib.redirect_stdout:
 
 
 def run(
-    bus: "Bus", port: int, stop: threading.Event, opened: Callable[[str], None], origins: Collection[str] = ()
+    bus: "Bus",
+    port: int,
+    stop: threading.Event,
+    opened: Callable[[str], None],
+    *,
+    origins: Collection[str] = (),
+    other: Geodetic | None = None,
 ) -> None:
     """The view alone, on the bus: waits for the station's ``Scene``, then shows all until ``stop``.
 
-    ``opened`` is told the page's address.
+    ``opened`` is told the page's address; ``other`` is a course to lay beside the flight.
     """
     scenes, smoothed = bus.subscribe("scene"), bus.subscribe("smoothed")
     rest = bus.subscribe("state", "verdict/*", "wind", "health", "event")
@@ -168,7 +180,7 @@ def run(
         scene = next((message for _, message in scenes.drain(0.5) if isinstance(message, Scene)), None)
     if scene is None:
         return
-    view = View(scene, port=port, origins=origins)
+    view = View(scene, port=port, origins=origins, other=other)
     opened(view.url)
     try:
         while not stop.is_set():

@@ -16,7 +16,7 @@ from web.memory.claims import Claim
 from web.memory.geometry import hit
 from web.memory.lies import lies
 from web.memory.residuals import others_then
-from web.panel import events, legend, picked, place, player, sensors, status
+from web.panel import apart, events, legend, picked, place, player, sensors, status
 from web.panel.limits import alarms
 from web.panel.player import LookBack, Player
 from web.plots.dock import Dock
@@ -95,7 +95,7 @@ class Viewer:
         with tabs.add_tab("Flight"):
             self._numbers = gui.add_html("")
             self._form = gui.add_dropdown("position as", place.forms(scene))
-            self._place = gui.add_html("")
+            self._place, self._apart = gui.add_html(""), gui.add_html("")
             self._player = Player(gui, self._time, self._flight, lambda: self._level.value)
         with tabs.add_tab("Sensors"):
             self._sensors = gui.add_html("")
@@ -135,6 +135,8 @@ class Viewer:
         self._legend = gui.add_html("")
         self._boxes = {}
         for name in LAYERS:
+            if name == "other" and not self._flight.other:
+                continue
             box = gui.add_checkbox(NAMES.get(name, name), name not in self._hidden)
             box.on_update(partial(self._tick_box, name))
             self._boxes[name] = box
@@ -176,6 +178,7 @@ class Viewer:
         self._go.content = status.go(found, texts, demanded=view.limits.demanded) if flight.state else ""
         self._numbers.content = status.numbers(shown, flight.wind, old=old)
         self._place.content = place.block(scene, shown, self._form.value, old=old)
+        self._apart.content = apart.block(flight.other, shown, old=old)
         health_s = time.monotonic() - flight.health_s if mode == "LIVE" else 0.0
         self._sensors.content = sensors.rows(scene, flight.health, flight.state, view.limits, health_s)
         self._errors.content = sensors.errors(scene, flight.health)
@@ -184,7 +187,7 @@ class Viewer:
             events.chosen(flight.moments, self._level.value, upto_ns), view.notes()
         )
         self._legend.content = legend.shown(
-            scene, view.picture.aircraft.factor, view.picture.paint, view.picture.scale
+            scene, view.picture.aircraft.factor, view.picture.paint, view.picture.scale, flight.other
         )
         self._sync()
 

@@ -5,11 +5,13 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from filters.correction.correction import off
 from gcs.commands.compiled import prepare
 from gcs.contract.config import Station
 from gcs.contract.frames import Frame, scene
-from gcs.contract.messages import Event, PartHealth
+from gcs.contract.messages import Event, InputError, PartHealth
 from gcs.outputs.console import Console
 from gcs.outputs.diary import Diary
 from gcs.outputs.disk import Tell, to_operator
@@ -20,6 +22,7 @@ from gcs.station.sources.playback import Playback
 
 if TYPE_CHECKING:
     from gcs.contract.wire.bus import Bus
+    from web.memory.other import Geodetic
     from web.view import View
 
 
@@ -36,13 +39,42 @@ def open_bus(station: Station, **options: Any) -> "Bus":
     return Bus.open(*names, **settings | {"tls": said.tls, "rates_hz": rates_hz} | options)
 
 
-def open_view(station: Station, frame: Frame, playback: Playback | None = None) -> "View":
-    """The view in the browser, on the station's port."""
+def open_view(
+    station: Station, frame: Frame, playback: Playback | None = None, other: "Geodetic | None" = None
+) -> "View":
+    """The view in the browser, on the station's port; ``other`` is a course to lay beside the flight."""
     from web.view import View  # viser is not needed without a view
 
-    return View(
-        scene(station, frame), port=station.view.port, playback=playback, origins=station.view.origins
-    )
+    said = station.view
+    return View(scene(station, frame), port=said.port, playback=playback, origins=said.origins, other=other)
+
+
+def other_course(path: Path, flight: Path | None = None) -> "Geodetic":
+    """For the page to lay beside the flight: a run's best estimate, or a truth file's places.
+
+    Read as ``gcs compare`` reads its second one. Raises ``InputError``, one line.
+    ``flight`` is the flight's log, for truth files that have boot time.
+    """
+    from web.memory.other import Geodetic
+
+    if path.is_dir():
+        from gcs.report.basis import run
+
+        rows, name = run.load(path).smoothed, path.resolve().name
+    else:
+        from bridges import simulated
+
+        name = path.name
+        try:
+            rows = simulated.read_truth(path)
+        except InputError:
+            if flight is None or flight.suffix != ".tlog":
+                raise
+            rows = simulated.read_truth(path, simulated.boot_to_utc_ns(flight))
+    if not len(rows):
+        raise InputError(f"{path}: not one place; name a run folder or a truth file")
+    rows = rows[np.argsort(rows["t_ns"], kind="stable")]
+    return Geodetic(name, *(rows[column].copy() for column in ("t_ns", "lat_deg", "lon_deg", "alt_m")))
 
 
 def targets(bus: "Bus | None" = None, view: "View | None" = None) -> list[Target]:

@@ -28,6 +28,9 @@ Method = Annotated[
         "to compare with, wolf, imm and filterpy-ukf (slow: 0.3 ms a value)"
     ),
 ]
+Overlay = Annotated[
+    Path | None, Parameter(help="draw another run's best estimate, or a truth file, beside the flight")
+]
 Config = Annotated[
     tuple[str, ...],
     Parameter(consume_multiple=True, negative="", help="KEY=VALUE, any setting: ins.height_m=1.5"),

@@ -8,12 +8,13 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from gcs.commands.compose import announcer, diary, new_session, open_bus, open_view, targets
+from gcs.commands.compose import announcer, diary, new_session, open_bus, open_view, other_course, targets
 from gcs.commands.options import (
     Config,
     Correction,
     Feeds,
     Method,
+    Overlay,
     StationFile,
     known_method,
     on_signal,
@@ -46,6 +47,7 @@ def command(
     view: Annotated[
         bool, Parameter(negative="", help="show it in the browser, with playback controls")
     ] = False,
+    overlay: Overlay = None,
     publish: Annotated[bool, Parameter(negative="", help="publish the cleaned state on the bus")] = False,
     method: Method | None = None,
     correction: Correction = "off",
@@ -56,6 +58,9 @@ def command(
     learned = correction_of(correction)
     if out:
         writable(out)
+    if overlay and not view:
+        raise InputError(f"--overlay {overlay}: it is drawn on the page; add --view")
+    other = other_course(overlay, flight) if overlay else None
     loaded, heard, frame, recorded = _flight(flight, station, _feed_paths(feed), config)
     if recorded.get("correction", "off") != "off" and correction == "off":
         say(f"{flight}: flown with a correction network; --correction FILE gives the same result again")
@@ -65,7 +70,7 @@ def command(
     records: list[Record] = []
     with ExitStack() as stack:
         bus = stack.enter_context(open_bus(heard)) if publish else None
-        shown = open_view(heard, frame, playback) if view else None
+        shown = open_view(heard, frame, playback, other) if view else None
         if shown:
             stack.callback(shown.close)
             say(f"view: {shown.url}   (Ctrl-C ends)")

@@ -3,6 +3,7 @@
 python tests/web/browser.py http://127.0.0.1:8080 docs/view.png [--dark]
 """
 
+import importlib.util
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -10,6 +11,7 @@ from pathlib import Path
 
 import imageio.v3 as imageio
 import numpy as np
+import pytest
 
 CHROMIUM = "/usr/bin/chromium"
 ARGS = [
@@ -22,6 +24,15 @@ ARGS = [
     "--disable-sync",
     "--no-first-run",
 ]
+MISSING = [
+    name
+    for name, found in (
+        ("chromium", Path(CHROMIUM).exists()),
+        ("playwright", importlib.util.find_spec("playwright")),
+    )
+    if not found
+]
+NEEDED = [pytest.mark.browser, pytest.mark.skipif(bool(MISSING), reason=f"needs {' and '.join(MISSING)}")]
 SETTLE_TRIES, SETTLED = 12, 0.5  # looks, and grey levels a pixel may still change by
 SIZE = {"width": 1400, "height": 900}
 SMALL = {

@@ -9,8 +9,10 @@ import msgspec
 import numpy as np
 from viser.transforms import SO3
 
+from gcs.contract.frames import Frame
 from gcs.contract.messages import State
 from tests.web import flight
+from web.memory.other import Geodetic
 from web.view import View
 
 S = 1_000_000_000
@@ -37,11 +39,22 @@ class Tape:
         self.speed = speed
 
 
-def opened(playback: Tape | None) -> View:
+BESIDE_M = np.array([0.0, 0.0, 40.0])  # the other course lies so much below
+
+
+def other() -> Geodetic:
+    """The same flight as a survey without end would have it, and BESIDE_M lower."""
+    t_s = np.arange(0.0, 60.0, 0.1)
+    frame = Frame(flight.SCENE.origin_lat_deg, flight.SCENE.origin_lon_deg, flight.SCENE.origin_alt_m)
+    there = frame.to_geodetic(flight.position(t_s) - BESIDE_M)
+    return Geodetic("truth.csv", flight.START_NS + np.round(t_s * S).astype(np.int64), *there)
+
+
+def opened(playback: Tape | None, beside: Geodetic | None = None) -> View:
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
-    view = View(flight.SCENE, port=port, playback=playback)
+    view = View(flight.SCENE, port=port, playback=playback, other=beside)
     for message, source in flight.messages(40.0):
         if isinstance(message, State):
             message = msgspec.structs.replace(message, protection_h_m=3.2, protection_v_m=6.4)
@@ -92,6 +105,11 @@ def red(page) -> int:
 def blue(page) -> int:
     """How many pixels have the newest track's colour."""
     return int(is_blue(picture(page)).sum())
+
+
+def ink(page) -> int:
+    """How many pixels are as dark as text on the light page, names among them."""
+    return int((picture(page).max(axis=-1) < 90).sum())
 
 
 def is_blue(pixels: np.ndarray) -> np.ndarray:

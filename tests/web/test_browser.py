@@ -3,46 +3,29 @@
 Skipped where Chromium or Playwright is missing.
 """
 
-import importlib.util
 import math
 import re
-from pathlib import Path
 
 import numpy as np
-import pytest
 
 from tests.web import browser, flight
-from tests.web.page import S, Tape, blue, canvas, choose, is_blue, opened, picture, pixel, red, tab, until
+from tests.web.page import (
+    S,
+    blue,
+    canvas,
+    choose,
+    is_blue,
+    opened,
+    picture,
+    pixel,
+    red,
+    tab,
+    until,
+)
 from web.panel.limits import OperatorLimits
 from web.view import View
 
-MISSING = [
-    name
-    for name, found in (
-        ("chromium", Path(browser.CHROMIUM).exists()),
-        ("playwright", importlib.util.find_spec("playwright")),
-    )
-    if not found
-]
-pytestmark = [pytest.mark.browser, pytest.mark.skipif(bool(MISSING), reason=f"needs {' and '.join(MISSING)}")]
-
-
-@pytest.fixture(scope="module")
-def tape() -> Tape:
-    return Tape()
-
-
-@pytest.fixture(scope="module")
-def view(tape):
-    view = opened(tape)
-    yield view
-    view.close()
-
-
-@pytest.fixture(scope="module")
-def page(view):
-    with browser.open_page(view.url, browser.SMALL) as page:
-        yield page
+pytestmark = browser.NEEDED
 
 
 def test_the_panel_tells_the_flight(page):

@@ -28,6 +28,7 @@ INSTRUMENTS: tuple[Colour, ...] = (
     (150, 150, 0),
 )
 INK: dict[bool, Colour] = {False: (25, 28, 36), True: (245, 245, 250)}  # by dark page: the aircraft
+OTHER = INK  # another course of the flight: thin, over the newest
 PAGE: dict[bool, Colour] = {False: (255, 255, 255), True: (20, 21, 24)}
 # From dark blue over green to yellow, of even lightness steps, so that it reads in grey too.
 # Source: S. van der Walt, N. Smith, "viridis" (2015), seven of its entries, the ends less extreme.

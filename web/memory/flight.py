@@ -10,6 +10,7 @@ import numpy as np
 
 from gcs.contract.messages import Event, Health, Scene, State, Verdict, Wind
 from web.memory.claims import ACCEPTED, KIND_OF, PATCH, Claim, Claims
+from web.memory.other import OtherTrack
 from web.memory.residuals import Residuals, sigmas_off
 from web.memory.rows import GrowingRows
 
@@ -55,8 +56,8 @@ class Fresh(NamedTuple):
 class SeenFlight:
     """Takes messages; forgets on ``clear``."""
 
-    def __init__(self, scene: Scene):
-        self.scene = scene
+    def __init__(self, scene: Scene, other: OtherTrack | None = None):
+        self.scene, self.other = scene, other
         self.newest, self.smoothed = GrowingRows(TRACK, MOST_STATES), GrowingRows(TRACK, MOST_STATES)
         self.claims, self.residuals = Claims(), Residuals()
         self.moments: dict[tuple[int, str], str] = {}  # time and text → level; a seek back forgets none

@@ -6,17 +6,21 @@ from gcs.contract.messages import Scene
 from web.look import colours
 from web.look.colours import RAMP, css
 from web.look.html import block, swatch
+from web.memory.other import OtherTrack
 from web.scene.paint import PLAIN, UNITS, Scale
 
 SHAPE = {"isolated": "✕", "patch": "■", "invalid": "○"}  # as the solids of the picture look
 
 
-def shown(scene: Scene, factor: int, choice: str, scale: Scale | None) -> str:
+def shown(
+    scene: Scene, factor: int, choice: str, scale: Scale | None, other: OtherTrack | None = None
+) -> str:
     """Lines, shapes, sensors, the painted track's scale, and how much larger than life trust is drawn."""
     newest = "" if choice != PLAIN else f' style="color:{css(colours.FILTERED)}"'
     words = [
         f"<span{newest}>▬</span> newest",
         f'<span style="color:{css(colours.SMOOTHED)}">▬</span> smoothed',
+        *([f"▬ {escape(other.name)}"] if other else []),  # in the colour of text, as it is drawn
         *(f'<b style="color:{css(colours.KIND[kind])}">{sign}</b> {kind}' for kind, sign in SHAPE.items()),
         *(f"{swatch(colour)}{escape(name)}" for name, colour in colours.of_sensors(scene).items()),
         f'<span style="color:{css(colours.PROTECTION)}">▥</span> protection, 3σ inside: ×{factor}',

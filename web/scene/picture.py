@@ -21,6 +21,7 @@ from web.scene.wind import Arrow
 LAYERS = {  # by name: shown at first
     "newest": True,
     "smoothed": True,
+    "other": True,
     "raw": True,
     "INS": True,
     "outliers": True,
@@ -32,7 +33,7 @@ LAYERS = {  # by name: shown at first
 }
 FRESH_NS = 2_000_000_000  # a line of sight goes this long after the instrument's last claim
 DROP_NS = 5_000_000_000  # a line down to the ground, of flight
-DOT_PX, NEWEST_PX, SMOOTHED_PX = 2.0, 5.0, 2.0
+DOT_PX, NEWEST_PX, SMOOTHED_PX, OTHER_PX = 2.0, 5.0, 2.0, 1.5
 INSTRUMENT = 0.045  # size as a share of the camera's distance
 AFAR_M = 2000.0  # where nobody looks, things have the size for this distance
 
@@ -65,12 +66,17 @@ class Picture:
         self._drops = Trail("/world/ground/drops", drops, draw(colours.GROUND, 0.6))
         self._sticks = Trail("/world/sticks", sticks, draw(colours.OUTLIER, 1.0), wide=6)
         self._raw: dict[str, Trail] = {}  # by sensor
+        if flight.other:
+            places = flight.other.points()
+            self._lines.draw("/world/other/course", line(places), colours.OTHER[False], OTHER_PX)
+            self._include(places[np.isfinite(places).all(axis=1)])
         self._dropped_ns = 0
         self._moved: tuple | None = None  # time and eyes of what was last drawn
 
     def set_dark(self, *, dark: bool) -> None:
         self._dark = dark
         self.aircraft.set_dark(dark=dark)
+        self._lines.recolour("/world/other/", colours.OTHER[dark])
         for sensor in self._raw:
             self._lines.recolour(f"{_raw_path(sensor)}/", self._dot_colour(sensor))
 
