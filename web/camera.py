@@ -9,8 +9,10 @@ from typing import NamedTuple
 
 import numpy as np
 import viser
+from viser.transforms import SO3
 
 from gcs.contract.messages import Scene
+from web.memory.geometry import on_picture
 
 AWAY = np.array([-0.7, -1.7, 1.1])  # from behind and above, north up
 ABOVE = np.array([0.0, -0.01, 1.0])  # a hair to the south, so that north is up
@@ -87,6 +89,12 @@ class Camera:
     def eye(self) -> np.ndarray:
         """(3,) where the camera is, station ENU."""
         return np.asarray(self._client.camera.position) - self.offset
+
+    def on_picture(self, places: np.ndarray) -> np.ndarray:
+        """(n, 3) station ENU → (n, 2) where this viewer sees it: shares of the picture's width and height."""
+        camera = self._client.camera
+        axes = SO3(np.asarray(camera.wxyz)).as_matrix()
+        return on_picture(places - self.eye(), axes, float(camera.fov), self._aspect())
 
     def pixel_rad(self) -> float:
         """How much of the sight one pixel takes, in the middle of the picture."""

@@ -9,15 +9,18 @@ import numpy as np
 import viser
 
 from gcs.contract.messages import State
+from web.boxing import Boxing
 from web.camera import FOLLOW, ORBIT, TOP, Camera, modes
 from web.look import colours, html
 from web.look.html import clock
+from web.memory.boxed import boxed
 from web.memory.claims import Claim
-from web.memory.geometry import hit
+from web.memory.geometry import Rectangle, hit
 from web.memory.lies import lies
 from web.memory.residuals import others_then
 from web.panel import apart, events, legend, picked, place, player, sensors, status
-from web.panel.limits import alarms
+from web.panel import boxed as in_box
+from web.panel.limits import LimitsForm, alarms
 from web.panel.player import LookBack, Player
 from web.plots.dock import Dock
 from web.scene.aircraft import Aircraft
@@ -59,6 +62,8 @@ class Viewer:
         client.gui.main_panel.set_width(PANEL_PX)
         self._build()
         self._dock = Dock(client.gui, self._flight)
+        self._boxing = Boxing(client, self._dock.box, lambda box: view.soon(partial(self._ask, box)))
+        self._dock.box.on_click(lambda _: self._boxing.press())
         self._add_keys()
         client.scene.on_click()(self._click)
         self.camera.update(None, view.picture.low, view.picture.high)
@@ -105,25 +110,9 @@ class Viewer:
             self._level = gui.add_dropdown("show", tuple(events.LEVELS))
             self._log = gui.add_html("")
         with tabs.add_tab("Limits"):
-            self._add_limits()
+            self._limits = LimitsForm(gui, self._view.limits, self._set_limit)
         with tabs.add_tab("Show"):
             self._add_show()
-
-    def _add_limits(self) -> None:
-        gui, limits = self._client.gui, self._view.limits
-        self._limits = {
-            "protection_h_m": gui.add_number("position within m", limits.protection_h_m, min=0.0, step=0.5),
-            "protection_v_m": gui.add_number("height within m", limits.protection_v_m, min=0.0, step=0.5),
-            "refused_share": gui.add_number(
-                "refused share", limits.refused_share, min=0.0, max=1.0, step=0.01
-            ),
-            "silent_s": gui.add_number("silent for s", limits.silent_s, min=0.0, step=0.5),
-        }
-        gui.add_html(
-            html.block('<span class="quiet">0: no such limit. The limits hold for all viewers.</span>')
-        )
-        for name, handle in self._limits.items():
-            handle.on_update(partial(self._limit, name))
 
     def _add_show(self) -> None:
         gui = self._client.gui
@@ -156,6 +145,7 @@ class Viewer:
             ("Camera: follow the aircraft", "F", partial(look, FOLLOW)),
             ("Camera: from above", "T", partial(look, TOP)),
             ("Residual sticks", "S", partial(self._toggle, "sticks")),
+            ("Outliers in a box", "B", self._boxing.press),
         ]
         numbers: tuple[Key, ...] = ("1", "2", "3", "4", "5", "6", "7", "8", "9")
         eyes = zip(modes(self._flight.scene)[3:], numbers, strict=False)
@@ -193,8 +183,7 @@ class Viewer:
 
     def _sync(self) -> None:
         """Show what another viewer has set for all."""
-        for name, handle in self._limits.items():
-            _set(handle, getattr(self._view.limits, name))
+        self._limits.sync(self._view.limits)
         _set(self._paint, self._view.picture.paint)
         _set(self._dark, self._view.dark)
 
@@ -234,6 +223,11 @@ class Viewer:
             "/world/outliers/picked", f"{claim.kind} · {claim.sensor}", position=claim.position or (0, 0, 0)
         )
 
+    def _ask(self, box: Rectangle) -> None:
+        """Tell of the outliers that this viewer sees in a box."""
+        found = boxed(self._flight, lambda places: box.holds(self.camera.on_picture(places)))
+        self._dock.tell(in_box.story(found))
+
     def _show(self, layer: str, *, shown: bool) -> None:
         (self._hidden.discard if shown else self._hidden.add)(layer)
         if layer not in self._layers:
@@ -252,9 +246,8 @@ class Viewer:
         _set(self._camera, mode)
         self.camera.set_mode(mode)
 
-    def _limit(self, name: str, event: viser.GuiEvent) -> None:
-        if event.client is not None:
-            self._view.limits = self._view.limits._replace(**{name: float(event.target.value)})
+    def _set_limit(self, name: str, value: float) -> None:
+        self._view.limits = self._view.limits._replace(**{name: value})
 
     def _set_paint(self, event: viser.GuiEvent) -> None:
         if event.client is not None:

@@ -91,9 +91,15 @@ def canvas(page) -> dict[str, float]:
 
 def picture(page) -> np.ndarray:
     """(h, w, 3) int, the 3-D part of the page."""
-    box = canvas(page)
-    pixels = imageio.imread(page.screenshot(clip=box))[..., :3].astype(int)
-    return pixels
+    from playwright.sync_api import TimeoutError as TooSlow
+
+    for timeout_s in (20, 20, 60):  # on a busy machine without a graphics card a picture may never be ready
+        try:
+            shot = page.screenshot(clip=canvas(page), timeout=1000 * timeout_s)
+            return imageio.imread(shot)[..., :3].astype(int)
+        except TooSlow:
+            continue
+    raise AssertionError("the page gives no picture")
 
 
 def red(page) -> int:

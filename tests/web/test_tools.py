@@ -2,8 +2,10 @@
 
 import re
 
+import numpy as np
+
 from tests.web import browser
-from tests.web.page import ink, tab, until
+from tests.web.page import canvas, ink, pixel, tab, until
 
 pytestmark = browser.NEEDED
 
@@ -17,3 +19,43 @@ def test_another_course_lies_beside_the_flight_and_is_told_apart(page):
     page.get_by_role("checkbox", name="other", exact=True).click()
     assert until(lambda: ink(page) < 800)
     page.get_by_role("checkbox", name="other", exact=True).click()
+
+
+def drag(page, start: tuple[float, float], end: tuple[float, float]) -> None:
+    page.mouse.move(*start)
+    page.mouse.down()
+    page.mouse.move(*end, steps=8)
+    page.mouse.up()
+
+
+def test_outliers_in_a_box_are_counted_by_sensor_and_channel(page, view):
+    patch = [claim for claim in view.flight.outliers if claim.kind == "patch"]
+    seen = np.array([pixel(page, view, claim.position) for claim in patch])
+    camera = next(iter(view._viewers.values())).camera
+    eye = camera.eye()
+    page.get_by_role("button", name="Outliers in a box").click()
+    page.get_by_text("Drag a box").wait_for()
+    drag(page, tuple(seen.min(axis=0) - 6), tuple(seen.max(axis=0) + 6))
+    page.get_by_text(re.compile(r"of \d+ measurements there")).wait_for()
+    row = page.get_by_role("row").filter(has_text="theo-south").filter(has_text="range").last
+    values = row.get_by_role("cell").all_inner_texts()
+    assert int(values[2]) >= len(patch)
+    assert values[5].endswith(" m")
+    np.testing.assert_allclose(camera.eye(), eye)
+    page.get_by_role("button", name="Close").click()
+    page.get_by_role("button", name="Outliers in a box").wait_for()
+
+
+def test_the_key_begins_a_box_and_leaves_it(page, view):
+    boxing = next(iter(view._viewers.values()))._boxing
+    page.evaluate("document.activeElement.blur()")
+    for waiting in (True, False):
+        page.keyboard.press("b")
+        assert until(lambda waiting=waiting: boxing.waiting == waiting)
+    box = canvas(page)
+    eye = next(iter(view._viewers.values())).camera.eye()
+    middle = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    drag(page, middle, (middle[0] + 80, middle[1]))
+    assert until(lambda: np.abs(next(iter(view._viewers.values())).camera.eye() - eye).max() > 10.0)
+    tab(page, "Show")
+    page.get_by_role("button", name="Reset view").click()

@@ -1,5 +1,7 @@
 """What a click meant, and where an instrument has to look."""
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -20,6 +22,31 @@ def hit(origin: ArrayLike, direction: ArrayLike, points: np.ndarray, within_rad:
     if not len(off) or not np.nanmin(off, initial=np.inf) <= within_rad:
         return None
     return int(np.nanargmin(off))
+
+
+class Rectangle(NamedTuple):
+    """A part of a picture: shares of its width and height from the upper left corner."""
+
+    left: float
+    top: float
+    right: float
+    bottom: float
+
+    def holds(self, seen: np.ndarray) -> np.ndarray:
+        """(n, 2) shares → (n,) bool; NaN, what is behind the eye, is in no part."""
+        x, y = seen.T
+        return (x >= self.left) & (x <= self.right) & (y >= self.top) & (y <= self.bottom)
+
+
+def on_picture(away: np.ndarray, axes: np.ndarray, fov_rad: float, aspect: float) -> np.ndarray:
+    """(n, 2) where something is seen, as shares of the picture from its upper left; NaN behind the eye.
+
+    ``away`` (n, 3) from the eye; ``axes`` (3, 3) by columns right, down and ahead; ``fov_rad`` upwards.
+    """
+    right, down, ahead = (away @ axes).T
+    with np.errstate(divide="ignore", invalid="ignore"):
+        reach = np.where(ahead > 0.0, 2.0 * np.tan(fov_rad / 2) * ahead, np.nan)
+        return np.column_stack([0.5 + right / (reach * aspect), 0.5 + down / reach])
 
 
 def look(scene: Scene, from_enu_m: ArrayLike, to_enu_m: ArrayLike) -> tuple[float, float, float]:

@@ -7,7 +7,7 @@ import numpy as np
 from gcs.contract.messages import Verdict
 from web.memory.claims import KIND_OF
 from web.memory.flight import SeenFlight
-from web.memory.residuals import sigmas_off
+from web.memory.residuals import off, sigmas_off
 
 RUN = 3  # so many refused values in a row, up to the newest, are a lie and no accident
 BACK_NS = 600_000_000_000  # a run is followed back for so long
@@ -54,8 +54,7 @@ def _run(flight: SeenFlight, key: tuple[str, str], verdicts: list[Verdict], now_
         accepted = np.flatnonzero(before["kind"] == 0)
         run = before[accepted[-1] + 1 :] if len(accepted) else before
         since_ns = int(run["t_ns"][0]) if len(run) else since_ns
-    off = [v.value - v.predicted for v in refused if v.value is not None and v.predicted is not None]
-    if key[1] == "azimuth":
-        off = [(one + 180.0) % 360.0 - 180.0 for one in off]
-    middle = float(np.median(off)) if off else float("nan")
+    apart = np.array([off(verdict) for verdict in refused])
+    known = apart[np.isfinite(apart)]
+    middle = float(np.median(known)) if len(known) else float("nan")
     return Lie(*key, since_ns, float(np.median([abs(sigmas_off(v)) for v in refused])), middle)

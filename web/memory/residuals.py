@@ -11,18 +11,24 @@ from web.memory.rows import GrowingRows
 
 MOST = 60_000  # values of one channel: 50 minutes at 20 Hz, then thinned
 RESIDUAL = np.dtype([("t_ns", "i8"), ("sigmas", "f4"), ("kind", "u1")])  # kind: index into KINDS
-RAW = np.dtype([("t_ns", "i8"), ("up_m", "f4"), ("speed_mps", "f4"), ("kind", "u1")])  # NaN: does not say
+RAW = np.dtype(  # NaN: does not say
+    [("t_ns", "i8"), ("place_m", "f4", (3,)), ("speed_mps", "f4"), ("kind", "u1")]
+)
+NOWHERE = (math.nan, math.nan, math.nan)
 SPEED = ("ve", "vn", "vu")
 
 
 def sigmas_off(verdict: Verdict) -> float:
     """How far a value is from its prediction, in sigmas of that difference; NaN where there is none."""
-    if verdict.value is None or verdict.predicted is None or not verdict.sigma:
+    return off(verdict) / verdict.sigma if verdict.sigma else math.nan
+
+
+def off(verdict: Verdict) -> float:
+    """Value less prediction, in the channel's unit, the short way round in azimuth; NaN without one."""
+    if verdict.value is None or verdict.predicted is None:
         return math.nan
-    off = verdict.value - verdict.predicted
-    if verdict.channel == "azimuth":
-        off = (off + 180.0) % 360.0 - 180.0
-    return off / verdict.sigma
+    apart = verdict.value - verdict.predicted
+    return (apart + 180.0) % 360.0 - 180.0 if verdict.channel == "azimuth" else apart
 
 
 class Residuals:
@@ -38,8 +44,7 @@ class Residuals:
             rows = columns.get(channel) or columns.setdefault(channel, GrowingRows(RESIDUAL, MOST))
             rows.add((claim.t_ns, sigmas_off(verdict), KIND_OF[verdict.verdict]))
         raw = self._raw.get(claim.sensor) or self._raw.setdefault(claim.sensor, GrowingRows(RAW, MOST))
-        up_m = claim.position[2] if claim.position else math.nan
-        raw.add((claim.t_ns, up_m, _speed(claim), KINDS.index(claim.kind)))
+        raw.add((claim.t_ns, claim.position or NOWHERE, _speed(claim), KINDS.index(claim.kind)))
 
     def channels(self, sensor: str) -> list[str]:
         return list(self._channels.get(sensor, {}))
@@ -54,6 +59,10 @@ class Residuals:
     def raw(self, sensor: str, from_ns: int, to_ns: int) -> np.ndarray:
         """(n,) RAW of that time."""
         return self._raw[sensor].between(from_ns, to_ns)
+
+    def all_raw(self, sensor: str) -> np.ndarray:
+        """(n,) RAW of the whole flight."""
+        return self._raw[sensor].view
 
     def clear(self) -> None:
         self._channels.clear()

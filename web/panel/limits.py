@@ -1,8 +1,13 @@
 """What the operator demands of the flight, and whether it is so."""
 
+from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple
 
+import viser
+
 from gcs.contract.messages import Health, State
+from web.look import html
 
 
 class OperatorLimits(NamedTuple):
@@ -43,3 +48,32 @@ def alarms(limits: OperatorLimits, state: State | None, health: Health | None) -
         elif 0.0 < limits.refused_share < sensor.outlier_share:
             found.append(f"{name}: {sensor.outlier_share:.0%} of the last 10 s refused")
     return found
+
+
+class LimitsForm:
+    """One viewer's fields for the limits of all: ``put`` takes a limit, ``sync`` shows what others set."""
+
+    def __init__(self, gui: viser.GuiApi, limits: OperatorLimits, put: Callable[[str, float], None]):
+        self._fields = {
+            "protection_h_m": gui.add_number("position within m", limits.protection_h_m, min=0.0, step=0.5),
+            "protection_v_m": gui.add_number("height within m", limits.protection_v_m, min=0.0, step=0.5),
+            "refused_share": gui.add_number(
+                "refused share", limits.refused_share, min=0.0, max=1.0, step=0.01
+            ),
+            "silent_s": gui.add_number("silent for s", limits.silent_s, min=0.0, step=0.5),
+        }
+        gui.add_html(
+            html.block('<span class="quiet">0: no such limit. The limits hold for all viewers.</span>')
+        )
+        for name, handle in self._fields.items():
+            handle.on_update(partial(_changed, put, name))
+
+    def sync(self, limits: OperatorLimits) -> None:
+        for name, handle in self._fields.items():
+            if handle.value != getattr(limits, name):
+                handle.value = getattr(limits, name)  # type: ignore[misc]  # viser has it settable
+
+
+def _changed(put: Callable[[str, float], None], name: str, event: viser.GuiEvent) -> None:
+    if event.client is not None:  # our own updates come from no client
+        put(name, float(event.target.value))

@@ -135,12 +135,17 @@ def _track(flight: SeenFlight, from_ns: int, to_ns: int) -> list[Plot]:
     times = np.unique(np.concatenate([fused["t_ns"], *(rows["t_ns"] for rows in raw.values())]))
     speed = np.linalg.norm(fused["velocity_enu_mps"], axis=1)
     x_s, found = _seconds(flight, times), []
-    for title, field, told in (
-        ("height above the origin, m", "up_m", fused["position_enu_m"][:, 2]),
-        ("speed, m/s", "speed_mps", speed),
+    heights = {name: rows["place_m"][:, 2] for name, rows in raw.items()}
+    speeds = {name: rows["speed_mps"] for name, rows in raw.items()}
+    for title, said, told in (
+        ("height above the origin, m", heights, fused["position_enu_m"][:, 2]),
+        ("speed, m/s", speeds, speed),
     ):
-        said = {name: rows for name, rows in raw.items() if np.isfinite(rows[field]).any()}
-        curves = [Curve(name, named[name], DOTS, _at(times, r["t_ns"], r[field])) for name, r in said.items()]
+        curves = [
+            Curve(name, named[name], DOTS, _at(times, raw[name]["t_ns"], values))
+            for name, values in said.items()
+            if np.isfinite(values).any()
+        ]
         curves.append(Curve("fused", colours.FILTERED, LINE, np.interp(times, fused["t_ns"], told)))
         found.append(Plot(title, x_s, curves))
     return found

@@ -13,6 +13,7 @@ from web.plots import curves
 from web.plots.curves import BAND, LINE, MARKS, Plot
 
 SPANS_S = {"30 s": 30.0, "1 min": 60.0, "5 min": 300.0, "whole flight": math.inf}
+BOX = "Outliers in a box"
 HEIGHT_PX = 150
 AROUND_NS = 10_000_000_000  # of the clicked outlier's plot, each side
 GRID: uplot.Axis_Grid = {"stroke": "rgba(128,128,128,0.55)", "width": 1}
@@ -79,13 +80,14 @@ class Dock:
             self.story = gui.add_html("", visible=False)
             self._picked = gui.add_folder(None)
             self._close = gui.add_button("Close", visible=False, color="gray")
+            self.box = gui.add_button(BOX, color="gray", hint="how many, whose, and how far off; key B")
             self._choice = gui.add_dropdown("Show", curves.CHOICES)
             self._span = gui.add_dropdown("Over", tuple(SPANS_S), initial_value="1 min")
             self._all = gui.add_folder(None)
         panel.dock_left()
         panel.set_width(WIDTH_PX)
         self._charts, self._near = Charts(gui), Charts(gui)
-        self._close.on_click(lambda _: self.pick(None, ""))
+        self._close.on_click(lambda _: self.tell(""))
 
     def update(self, now_ns: int) -> None:
         span_s = SPANS_S[self._span.value]
@@ -93,17 +95,20 @@ class Dock:
         from_ns = start_ns if math.isinf(span_s) else now_ns - round(span_s * 1e9)
         self._charts.show(curves.plots(self._choice.value, self._flight, from_ns, now_ns), self._all)
 
-    def pick(self, claim: Claim | None, story: str) -> None:
-        """Tell a clicked outlier's story above the plots; None: close it."""
+    def tell(self, story: str) -> None:
+        """Show what was asked for above the plots; "": close it."""
         self.story.content = story
-        self.story.visible = self._close.visible = claim is not None
+        self.story.visible = self._close.visible = bool(story)
         self._near.clear()
-        if claim is not None:
-            channels = [verdict.channel for verdict in claim.refused][: len(curves.PALETTE)]
-            span = claim.t_ns - AROUND_NS, claim.t_ns + AROUND_NS
-            plot = curves.residuals(self._flight, claim.sensor, channels, *span)
-            if len(plot.x_s) >= 2:
-                self._near.show([plot._replace(title=f"{claim.sensor}, 10 s around it, in σ")], self._picked)
+
+    def pick(self, claim: Claim, story: str) -> None:
+        """Tell a clicked outlier's story above the plots, and show its channels' residuals."""
+        self.tell(story)
+        channels = [verdict.channel for verdict in claim.refused][: len(curves.PALETTE)]
+        span = claim.t_ns - AROUND_NS, claim.t_ns + AROUND_NS
+        plot = curves.residuals(self._flight, claim.sensor, channels, *span)
+        if len(plot.x_s) >= 2:
+            self._near.show([plot._replace(title=f"{claim.sensor}, 10 s around it, in σ")], self._picked)
 
 
 def _data(plot: Plot) -> tuple[np.ndarray, ...]:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from tests.web.flight import SCENE
-from web.memory.geometry import hit, look, off_ray
+from web.memory.geometry import Rectangle, hit, look, off_ray, on_picture
 
 
 def test_the_angle_to_a_ray_is_that_of_trigonometry():
@@ -30,3 +30,16 @@ def test_ten_kilometres_away_up_leans_by_the_curve_of_the_earth():
     _, _, there = look(SCENE, (0.0, 10_000.0, 0.0), (0, 0, 0))
     assert abs(here) < 1e-9
     assert np.isclose(there, -np.degrees(10_000.0 / 6_371_000.0), rtol=0.01)
+
+
+def test_a_place_on_the_picture_is_where_similar_triangles_have_it():
+    away = np.array([(0.0, 10.0, 0.0), (5.0, 10.0, 0.0), (0.0, 20.0, 10.0), (0.0, -1.0, 0.0)])
+    axes = np.column_stack([(1.0, 0, 0), (0, 0, -1.0), (0, 1.0, 0)])  # to the north, upright
+    seen = on_picture(away, axes, np.pi / 2, 2.0)
+    np.testing.assert_allclose(seen[:3], [(0.5, 0.5), (0.625, 0.5), (0.5, 0.25)])
+    assert np.isnan(seen[3]).all()
+
+
+def test_a_rectangle_holds_what_is_inside_and_nothing_unseen():
+    seen = np.array([(0.2, 0.3), (0.2, 0.9), (0.0, 0.3), (np.nan, np.nan)])
+    assert Rectangle(0.1, 0.1, 0.5, 0.5).holds(seen).tolist() == [True, False, False, False]

@@ -29,7 +29,7 @@ def test_columns_by_channel_and_raw_height_and_speed():
     raw = residuals.raw("ins", 0, 9 * S)
     assert raw["speed_mps"][0] == 5.0
     assert np.isnan(raw["speed_mps"][1])
-    assert raw["up_m"].tolist() == [3.0, 77.0]
+    assert raw["place_m"][:, 2].tolist() == [3.0, 77.0]
 
 
 def test_the_others_are_heard_at_their_nearest_instant_by_their_worst_channel():
