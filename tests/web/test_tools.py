@@ -5,7 +5,7 @@ import re
 import numpy as np
 
 from tests.web import browser
-from tests.web.page import canvas, ink, pixel, tab, until
+from tests.web.page import S, canvas, ink, pixel, tab, until
 
 pytestmark = browser.NEEDED
 
@@ -59,3 +59,17 @@ def test_the_key_begins_a_box_and_leaves_it(page, view):
     assert until(lambda: np.abs(next(iter(view._viewers.values())).camera.eye() - eye).max() > 10.0)
     tab(page, "Show")
     page.get_by_role("button", name="Reset view").click()
+
+
+def test_a_patch_is_marked_on_the_slider_and_the_event_keys_go_there(page, view, tape):
+    tab(page, "Flight")
+    page.locator(".mantine-Slider-markLabel").filter(has_text="■").wait_for()
+    page.evaluate("document.activeElement.blur()")
+    page.keyboard.press("PageUp")
+    patch_ns = next(t_ns for t_ns, what in view.flight.marks.items() if what == "patch")
+    assert until(lambda: tape.now_ns == patch_ns)
+    slider = next(iter(view._viewers.values()))._player._slider
+    sent = slider._marks
+    tape.now_ns = tape.start_ns + 40 * S
+    assert until(lambda: page.locator("[role=slider]").first.get_attribute("aria-valuenow") == "40")
+    assert slider._marks is sent

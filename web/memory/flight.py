@@ -18,6 +18,7 @@ STEP_NS = 100_000_000  # trajectories are kept ten times a second of flight; fin
 BREAK_NS = 5_000_000_000  # a longer gap is not bridged by a straight line
 PATCH_GAP_NS = 2_000_000_000  # refused claims farther apart are two patches
 NIS_NS = 1_000_000_000  # residuals are averaged over so long
+GAP, RESET = "gap", "reset"  # what is marked beside patches: no state for BREAK_NS, the filter began again
 MOST_STATES = 100_000  # of 10 Hz: nearly three hours, then thinned
 MOST_OUTLIERS = 20_000
 MOST_EVENTS = 1_000
@@ -61,6 +62,7 @@ class SeenFlight:
         self.newest, self.smoothed = GrowingRows(TRACK, MOST_STATES), GrowingRows(TRACK, MOST_STATES)
         self.claims, self.residuals = Claims(), Residuals()
         self.moments: dict[tuple[int, str], str] = {}  # time and text → level; a seek back forgets none
+        self.marks: dict[int, str] = {}  # time → patch, gap or reset; a seek back forgets none
         self.clear()
 
     def clear(self) -> None:
@@ -110,7 +112,8 @@ class SeenFlight:
             if claim.kind == PATCH:
                 before_ns = self._patched.get(claim.sensor, -PATCH_GAP_NS)
                 if claim.t_ns - before_ns > PATCH_GAP_NS:
-                    self._mark(claim.t_ns, f"{claim.sensor}: a patch of outliers begins", "patch")
+                    self._mark(claim.t_ns, f"{claim.sensor}: a patch of outliers begins", PATCH)
+                    self._set_mark(claim.t_ns, PATCH)
                 self._patched[claim.sensor] = claim.t_ns
 
     def take_fresh(self) -> Fresh:
@@ -140,6 +143,10 @@ class SeenFlight:
         if t_ns and len(self.moments) < MOST_EVENTS:
             self.moments[t_ns, text] = level
 
+    def _set_mark(self, t_ns: int, what: str) -> None:
+        if len(self.marks) < MOST_EVENTS:
+            self.marks[t_ns] = what
+
     def _keep(self, rows: GrowingRows, state: State, fresh: list[np.void]) -> None:
         last = rows.view[-1] if len(rows.view) else None
         if last is not None:
@@ -149,6 +156,8 @@ class SeenFlight:
             cut = state.reset_counter != last["reset_counter"] or gap_ns >= BREAK_NS
             if not cut and gap_ns < STEP_NS:
                 return
+            if cut and rows is self.newest:
+                self._set_mark(state.t_ns, GAP if gap_ns >= BREAK_NS else RESET)
         rows.add(_row(state, self._nis(state.t_ns), cut=last is not None and cut))
         fresh.append(rows.view[-1].copy())
 

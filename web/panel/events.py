@@ -11,6 +11,8 @@ RANK = {"info": 0, "patch": 1, "warning": 1, "error": 2}
 SIGN = {"info": "ℹ", "patch": "■", "warning": "⚠", "error": "✖"}
 TINT = {"patch": colours.KIND["patch"], "warning": colours.WARNING, "error": colours.BAD}
 SHOWN = 12
+MARK = {"patch": "■", "gap": "∅", "reset": "↺"}
+MOST_MARKS = 40  # on a slider of two hundred pixels
 
 
 def chosen(moments: dict[tuple[int, str], str], level: str, upto_ns: int) -> list[Event]:
@@ -23,9 +25,11 @@ def chosen(moments: dict[tuple[int, str], str], level: str, upto_ns: int) -> lis
     ]
 
 
-def neighbour(moments: dict[tuple[int, str], str], level: str, now_ns: int, step: int) -> int | None:
-    """Time of the next (+1) or the previous (−1) moment of that level; None: there is none."""
-    times = [event.t_ns for event in chosen(moments, level, 2**63 - 1)]
+def neighbour(
+    moments: dict[tuple[int, str], str], marks: dict[int, str], level: str, now_ns: int, step: int
+) -> int | None:
+    """Time of the next (+1) or the previous (−1) mark, or moment of that level; None: there is none."""
+    times = [*marks, *(event.t_ns for event in chosen(moments, level, 2**63 - 1))]
     ahead = [t for t in times if (t - now_ns) * step > 0]
     return (min(ahead) if step > 0 else max(ahead)) if ahead else None
 
@@ -39,6 +43,12 @@ def listed(latest: list[Event], notes: list[str]) -> str:
         for event in latest[: -SHOWN - 1 : -1]
     ]
     return block("".join(f"<div>{line}</div>" for line in lines) or "none yet")
+
+
+def on_slider(marks: dict[int, str], start_ns: int, end_ns: int) -> tuple[tuple[float, str], ...]:
+    """Seconds from the start and sign of each mark of that time, the newest ``MOST_MARKS``, in order."""
+    there = sorted((t_ns, what) for t_ns, what in marks.items() if start_ns <= t_ns <= end_ns)
+    return tuple((round((t_ns - start_ns) / 1e9, 1), MARK[what]) for t_ns, what in there[-MOST_MARKS:])
 
 
 def strip(moments: dict[tuple[int, str], str], start_ns: int, end_ns: int, now_ns: int) -> str:

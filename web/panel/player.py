@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Protocol
 
 import viser
+from viser._messages import GuiSliderMark
 
 from web.memory.flight import STEP_NS, SeenFlight
 from web.panel import events
@@ -21,6 +22,7 @@ SPEEDS = {
     "max": math.inf,
 }
 SETTLE_S = 0.3  # a seek starts when the slider has rested for so long
+HINT = "■ a patch begins, ∅ after a gap, ↺ the filter began again; page up and down go to them"
 BACK, PLAY, PAUSE, FORTH = "‹ step", "play", "pause", "step ›"
 BEFORE, AFTER, NOW = "« event", "event »", "now"
 
@@ -91,9 +93,10 @@ class Player:
         self.time, self._flight, self._level = time_, flight, level
         self._live = isinstance(time_, LookBack)
         self._wanted_s: float | None = None
+        self._marks: tuple[tuple[float, str], ...] = ()
         self._touched_s = 0.0
         with gui.add_folder("Time"):
-            self._slider = gui.add_slider("flight s", 0.0, 1.0, 0.1, 0.0)
+            self._slider = gui.add_slider("flight s", 0.0, 1.0, 0.1, 0.0, hint=HINT)
             self._strip = gui.add_html("")
             self._steps = gui.add_button_group("step", (BACK, PLAY, FORTH))
             self._jumps = gui.add_button_group(
@@ -130,7 +133,8 @@ class Player:
             self.time.seek(now_ns + (STEP_NS if what == FORTH else -STEP_NS))
         else:
             step = 1 if what == AFTER else -1
-            there_ns = events.neighbour(self._flight.moments, self._level(), now_ns, step)
+            flight = self._flight
+            there_ns = events.neighbour(flight.moments, flight.marks, self._level(), now_ns, step)
             if there_ns is not None:
                 self.time.seek(there_ns)
 
@@ -144,6 +148,11 @@ class Player:
         length_s = max(1.0, (self.time.end_ns - self.time.start_ns) // 1e8 / 10)
         if self._slider.max != length_s:
             self._slider.max = length_s
+        marks = events.on_slider(self._flight.marks, self.time.start_ns, self.time.end_ns)
+        if marks != self._marks:
+            self._marks = marks
+            # Without marks of our own the slider shows its ends. No public name sets what a slider has.
+            self._slider._marks = tuple(GuiSliderMark(*mark) for mark in marks) or None
         resting = time.monotonic() - self._touched_s > SETTLE_S
         if self._wanted_s is not None and resting:
             self.time.seek(self.time.start_ns + round(self._wanted_s * 1e9))

@@ -27,6 +27,21 @@ def test_the_place_at_an_instant_is_on_the_track():
     assert flight.place_at(START_NS - 10 * S) is None
 
 
+def test_patches_gaps_and_new_starts_are_marked_once():
+    flight = SeenFlight(SCENE)
+    for _ in range(2):  # a seek back brings the same again
+        flight.clear()
+        for message, source in messages(40.0):
+            if isinstance(message, State):
+                late_s = (message.t_ns - START_NS) / S
+                message = msgspec.structs.replace(message, reset_counter=int(late_s >= 10.0))
+                if 15.0 < late_s < 25.0:
+                    continue
+            flight.take(message, source)
+        flight.settle()
+    assert flight.marks == {START_NS + 10 * S: "reset", START_NS + 25 * S: "gap", START_NS + 30 * S: "patch"}
+
+
 def test_what_was_known_then_comes_back_as_a_state():
     flight = flown()
     asked = [m for m, source in messages(40.0) if isinstance(m, State) and not source][123]

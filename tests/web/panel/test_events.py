@@ -16,9 +16,21 @@ def test_they_come_in_order_up_to_now_and_from_a_level_on():
 
 
 def test_the_neighbours_of_a_moment():
-    assert events.neighbour(MOMENTS, "all", 20, 1) == 30
-    assert events.neighbour(MOMENTS, "all", 20, -1) == 10
-    assert events.neighbour(MOMENTS, "warnings", 20, -1) is None
+    assert events.neighbour(MOMENTS, {}, "all", 20, 1) == 30
+    assert events.neighbour(MOMENTS, {}, "all", 20, -1) == 10
+    assert events.neighbour(MOMENTS, {}, "warnings", 20, -1) is None
+
+
+def test_a_mark_is_a_neighbour_whatever_the_level():
+    assert events.neighbour(MOMENTS, {25: "reset", 5: "gap"}, "errors", 20, 1) == 25
+    assert events.neighbour(MOMENTS, {25: "reset", 5: "gap"}, "errors", 20, -1) == 5
+
+
+def test_the_slider_has_the_newest_marks_of_its_time_in_order():
+    marks = {k * 10**9: "patch" for k in range(events.MOST_MARKS + 5)} | {90 * 10**9: "gap"}
+    shown = events.on_slider(marks, 2 * 10**9, 44 * 10**9)
+    assert (len(shown), shown[0], shown[-1]) == (events.MOST_MARKS, (3.0, "■"), (42.0, "■"))
+    assert events.on_slider({7_260_000_000: "reset"}, 10**9, 8 * 10**9) == ((6.3, "↺"),)
 
 
 def test_names_from_outside_are_text_not_html():
