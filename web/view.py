@@ -8,26 +8,23 @@ import contextlib
 import io
 import threading
 from collections import deque
-from collections.abc import Callable, Collection
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Collection, Iterable
 
 import viser
 
 from gcs.contract.messages import ANY, InputError, Scene
 from gcs.contract.supervision import Part, brief, log
 from web.memory.flight import SeenFlight
-from web.memory.other import Geodetic, OtherTrack
+from web.memory.other import Geodetic
 from web.origins import only
 from web.panel.limits import OperatorLimits
 from web.panel.player import Playable
 from web.scene.picture import Picture
+from web.vehicle import SeenVehicle
 from web.viewer import Viewer
 
-if TYPE_CHECKING:  # zenoh is loaded by whoever opens the bus
-    from gcs.contract.wire.bus import Bus
-
-QUEUE = 200_000  # messages; at more than a million a minute the oldest are skipped, counted and shown
 PERIOD_S = 0.1
+UNSEEN_TICKS = 30  # a picture that nobody looks at is drawn every so many turns, so that little piles up
 NEAR_M, FAR_M, FOV = 1.0, 100_000.0, 0.9  # of the first camera
 
 
@@ -56,35 +53,62 @@ class View:
             self._stop_server()
             raise ViewError(f"port {port} is in use: stop the program that holds it, or take another port")
         self.url = f"http://127.0.0.1:{port}"
-        self.flight = SeenFlight(scene, OtherTrack(other, scene) if other else None)
         self.playback, self.limits = playback, OperatorLimits()
         self.dark = False
-        self._queue: deque = deque(maxlen=QUEUE)
         self._todo: deque[Callable[[], None]] = deque()
-        self._skipped = 0
+        self._tick = 0
         self._failures: deque[str] = deque(maxlen=3)
         self._viewers: dict[int, Viewer] = {}
         self._stop = threading.Event()
         self._server.scene.set_up_direction("+z")
         camera = self._server.initial_camera
         camera.near, camera.far, camera.fov = NEAR_M, FAR_M, FOV
-        self.picture = Picture(self._server, self.flight)
+        self.vehicles: dict[str, SeenVehicle | None] = {}  # None: its station has not been heard
+        self.add(scene, other)
         self.set_dark(dark=False)
         self._server.on_client_connect(lambda client: self.soon(lambda: self._welcome(client)))
         self._server.on_client_disconnect(lambda client: self.soon(lambda: self._leave(client)))
         self.part = Part("view", self._run, self._stop)
         self.part.start()
 
-    def put(self, message: ANY, source: str = "") -> None:
-        """Show a message. ``source`` is "smoothed" for a smoothed state; any thread may call."""
-        if len(self._queue) == QUEUE:
-            self._skipped += 1
-        self._queue.append((message, source))
+    @property
+    def seen(self) -> list[SeenVehicle]:
+        """The vehicles whose stations have been heard."""
+        return [vehicle for vehicle in list(self.vehicles.values()) if vehicle]
+
+    @property
+    def flight(self) -> SeenFlight:
+        """Of the first vehicle."""
+        return self.seen[0].flight
+
+    @property
+    def picture(self) -> Picture:
+        """Of the first vehicle."""
+        return self.seen[0].picture
+
+    def expect(self, names: Iterable[str]) -> None:
+        """List vehicles that may not have been heard yet; each is shown once ``add`` brings its scene."""
+        self.vehicles = {name: self.vehicles.get(name) for name in (*names, *self.vehicles)}
+
+    def add(self, scene: Scene, other: Geodetic | None = None) -> None:
+        """Show a vehicle; one that is shown already stays as it is."""
+        if not self.vehicles.get(scene.vehicle):
+            vehicle = SeenVehicle(self._server, scene, other)
+            vehicle.picture.set_dark(dark=self.dark)
+            self.vehicles = self.vehicles | {scene.vehicle: vehicle}
+
+    def put(self, message: ANY, source: str = "", vehicle: str = "") -> None:
+        """Show a message. ``source`` is "smoothed" for a smoothed state; any thread may call.
+
+        ``vehicle`` is whose it is, the first one's where it is left out.
+        """
+        whose = self.vehicles[vehicle] if vehicle else self.seen[0]
+        if whose:
+            whose.put(message, source)
 
     def clear(self) -> None:
-        """Forget the flight, for example after a seek backwards; what follows starts a new one."""
-        self._queue.clear()
-        self._queue.append((None, "clear"))
+        """Forget the first one's flight, as after a seek backwards; what follows starts a new one."""
+        self.seen[0].clear()
 
     def close(self) -> None:
         self._stop.set()
@@ -100,19 +124,28 @@ class View:
         self._server.gui.configure_theme(
             control_width="large", dark_mode=dark, show_logo=False, show_share_button=False
         )
-        self.picture.set_dark(dark=dark)
+        for vehicle in self.seen:
+            vehicle.picture.set_dark(dark=dark)
+
+    def look_at(self, client: viser.ClientHandle, name: str) -> None:
+        """Give a viewer the page of another vehicle."""
+        before, vehicle = self._viewers.get(client.client_id), self.vehicles.get(name)
+        if before and vehicle and vehicle is not before.vehicle:
+            before.leave()
+            self._viewers[client.client_id] = Viewer(client, self, vehicle)
 
     def notes(self) -> list[str]:
         """What the page has to say of itself."""
-        skipped = f"the view skipped {self._skipped} messages: data come faster than it draws"
-        return ([skipped] if self._skipped else []) + list(self._failures)
+        count = sum(vehicle.skipped for vehicle in self.seen)
+        skipped = f"the view skipped {count} messages: data come faster than it draws"
+        return ([skipped] if count else []) + list(self._failures)
 
     def _stop_server(self) -> None:
         with _hush():
             self._server.stop()
 
     def _welcome(self, client: viser.ClientHandle) -> None:
-        self._viewers[client.client_id] = Viewer(client, self)
+        self._viewers[client.client_id] = Viewer(client, self, self.seen[0])
 
     def _leave(self, client: viser.ClientHandle) -> None:
         self._viewers.pop(client.client_id, None)
@@ -132,24 +165,25 @@ class View:
             log.error("view: %s", line, exc_info=error)
 
     def _take_all(self) -> None:
-        for _ in range(len(self._queue)):
-            message, source = self._queue.popleft()
-            if message is None:
-                self.flight.clear()
-                self.picture.clear()
-                for viewer in self._viewers.values():
+        for vehicle in self.seen:
+            if vehicle.take_all():
+                for viewer in self._at(vehicle):
                     viewer.clear()
-            else:
-                self.flight.take(message, source)
-        self.flight.settle()
 
     def _act(self) -> None:
         for _ in range(len(self._todo)):
             self._todo.popleft()()
 
     def _draw(self) -> None:
-        eyes = [viewer.camera.eye() for viewer in self._viewers.values()]
-        self.picture.update(self.flight.state, eyes)
+        for vehicle in self.seen:
+            eyes = [viewer.camera.eye() for viewer in self._at(vehicle)]
+            if eyes or self._tick % UNSEEN_TICKS == 0:
+                vehicle.picture.update(vehicle.flight.state, eyes)
+        self._tick += 1
+
+    def _at(self, vehicle: SeenVehicle) -> list[Viewer]:
+        """Who looks at it."""
+        return [viewer for viewer in self._viewers.values() if viewer.vehicle is vehicle]
 
     def _refreshers(self) -> list[Callable[[], None]]:
         return [viewer.refresh for viewer in self._viewers.values()]
@@ -158,35 +192,3 @@ class View:
 def _hush() -> contextlib.redirect_stdout:
     """viser prints its address and its end; where the page is, the command says."""
     return contextlib.redirect_stdout(io.StringIO())
-
-
-def run(
-    bus: "Bus",
-    port: int,
-    stop: threading.Event,
-    opened: Callable[[str], None],
-    *,
-    origins: Collection[str] = (),
-    other: Geodetic | None = None,
-) -> None:
-    """The view alone, on the bus: waits for the station's ``Scene``, then shows all until ``stop``.
-
-    ``opened`` is told the page's address; ``other`` is a course to lay beside the flight.
-    """
-    scenes, smoothed = bus.subscribe("scene"), bus.subscribe("smoothed")
-    rest = bus.subscribe("state", "verdict/*", "wind", "health", "event")
-    scene = None
-    while scene is None and not stop.is_set():
-        scene = next((message for _, message in scenes.drain(0.5) if isinstance(message, Scene)), None)
-    if scene is None:
-        return
-    view = View(scene, port=port, origins=origins, other=other)
-    opened(view.url)
-    try:
-        while not stop.is_set():
-            for _, message in rest.drain(0.05):
-                view.put(message)
-            for _, message in smoothed.drain(0.0):
-                view.put(message, "smoothed")
-    finally:
-        view.close()

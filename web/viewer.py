@@ -20,13 +20,15 @@ from web.memory.lies import lies
 from web.memory.residuals import others_then
 from web.panel import apart, events, legend, picked, place, player, sensors, status
 from web.panel import boxed as in_box
+from web.panel.fleet import Fleet
 from web.panel.limits import LimitsForm, alarms
 from web.panel.player import LookBack, Player
 from web.plots.dock import Dock
-from web.scene.aircraft import Aircraft
+from web.scene.ghost import Ghost
 from web.scene.marks import Eye, Marks
 from web.scene.paint import CHOICES
 from web.scene.picture import LAYERS
+from web.vehicle import SeenVehicle
 
 if TYPE_CHECKING:
     from viser._messages import HotkeyKey as Key
@@ -48,15 +50,18 @@ PANEL_PX = 380
 class Viewer:
     """Everything that belongs to one open page. All but the handles' callbacks runs in the view's thread."""
 
-    def __init__(self, client: viser.ClientHandle, view: "View"):
-        self._client, self._view, self._flight = client, view, view.flight
+    def __init__(self, client: viser.ClientHandle, view: "View", vehicle: SeenVehicle):
+        self._client, self._view = client, view
+        self.vehicle, self._flight, self._picture = vehicle, vehicle.flight, vehicle.picture
         self.camera = Camera(client, self._flight.scene)
         self._marks = Marks(client.scene, self._flight)
         self._time = view.playback or LookBack(self._flight)
-        self._ghost: Aircraft | None = None  # the aircraft as it was, while this viewer looks back
+        self._ghost = Ghost(client.scene, self._flight)
+        self._label: viser.LabelHandle | None = None  # of the outlier that was clicked
         self._hidden = {name for name, shown in LAYERS.items() if not shown}
         self._layers: dict[str, viser.FrameHandle] = {}
         self._tick = 0
+        self._root = client.scene.add_frame(self._flight.root, show_axes=False)  # the others stay hidden
         client.gui.set_panel_label("Ground station")
         client.gui.main_panel.dock_right()
         client.gui.main_panel.set_width(PANEL_PX)
@@ -66,7 +71,7 @@ class Viewer:
         self._dock.box.on_click(lambda _: self._boxing.press())
         self._add_keys()
         client.scene.on_click()(self._click)
-        self.camera.update(None, view.picture.low, view.picture.high)
+        self.camera.update(None, self._picture.low, self._picture.high)
         self.camera.look()
 
     def refresh(self) -> None:
@@ -74,7 +79,7 @@ class Viewer:
         shown = self.shown()
         aircraft = np.array(shown.position_enu_m) if shown else None
         with self._client.atomic():
-            self.camera.update(aircraft, self._view.picture.low, self._view.picture.high)
+            self.camera.update(aircraft, self._picture.low, self._picture.high)
             if self._tick % PANEL_TICKS == 0:
                 self._marks.update(Eye(self.camera.eye(), self.camera.pixel_rad()))
                 self._haunt(shown)
@@ -87,14 +92,31 @@ class Viewer:
         """Forget what the flight has forgotten."""
         self._marks.clear()
 
+    def leave(self) -> None:
+        """Clear the page for another vehicle's."""
+        self._marks.clear()
+        self._ghost.clear()
+        for name, layer in self._layers.items():
+            layer.visible = LAYERS[name]  # whoever comes back finds it as the boxes say
+        if self._label:
+            self._label.remove()
+        self._client.scene.remove_click_callback()
+        self._client.scene.remove_rect_select_callback()
+        self._root.visible = False
+        self._client.gui.reset()
+
     def shown(self) -> State | None:
         """The state that this viewer sees: the newest, or the one looked back upon."""
-        looks_back = isinstance(self._time, LookBack) and not self._time.playing
-        return self._flight.state_at(self._time.now_ns) if looks_back else self._flight.state
+        return self._flight.state_at(self._time.now_ns) if self._looks_back else self._flight.state
+
+    @property
+    def _looks_back(self) -> bool:
+        return isinstance(self._time, LookBack) and not self._time.playing
 
     def _build(self) -> None:
         gui, scene = self._client.gui, self._flight.scene
         gui.add_html(html.title(scene))
+        self._fleet = Fleet(gui, self.vehicle.name, self._choose)
         self._head, self._go = gui.add_html(""), gui.add_html("")
         tabs = gui.add_tab_group()
         with tabs.add_tab("Flight"):
@@ -119,7 +141,7 @@ class Viewer:
         self._camera = gui.add_dropdown("camera", modes(self._flight.scene))
         self._camera.on_update(lambda event: self.camera.set_mode(event.target.value))
         gui.add_button("Reset view").on_click(lambda _: self.camera.look())
-        self._paint = gui.add_dropdown("track colour", CHOICES, initial_value=self._view.picture.paint)
+        self._paint = gui.add_dropdown("track colour", CHOICES, initial_value=self._picture.paint)
         self._paint.on_update(self._set_paint)
         self._legend = gui.add_html("")
         self._boxes = {}
@@ -177,30 +199,23 @@ class Viewer:
             events.chosen(flight.moments, self._level.value, upto_ns), view.notes()
         )
         self._legend.content = legend.shown(
-            scene, view.picture.aircraft.factor, view.picture.paint, view.picture.scale, flight.other
+            scene, self._picture.aircraft.factor, self._picture.paint, self._picture.scale, flight.other
         )
         self._sync()
+        flights = {name: one.flight if one else None for name, one in view.vehicles.items()}
+        self._fleet.update(flights, view.limits, self.vehicle.name)
 
     def _sync(self) -> None:
         """Show what another viewer has set for all."""
         self._limits.sync(self._view.limits)
-        _set(self._paint, self._view.picture.paint)
+        _set(self._paint, self._picture.paint)
         _set(self._dark, self._view.dark)
 
     def _haunt(self, shown: State | None) -> None:
-        """While looking back the aircraft is drawn as it was, in this viewer's page only."""
-        looks_back = isinstance(self._time, LookBack) and not self._time.playing
-        if not looks_back or shown is None:
-            if self._ghost:
-                self._ghost.remove()
-                self._ghost = None
-            return
-        if self._ghost is None:
-            self._ghost = Aircraft(self._client.scene, self._flight.scene.vehicle)
-            self._ghost.set_dark(dark=self._view.dark)
-        self._ghost.say(f"{self._flight.scene.vehicle} at {clock(shown.t_ns)}")
-        place_m = np.array(shown.position_enu_m)
-        self._ghost.move(shown, float(np.linalg.norm(self.camera.eye() - place_m)))
+        if self._looks_back and shown:
+            self._ghost.show(shown, self.camera.eye(), dark=self._view.dark)
+        else:
+            self._ghost.clear()
 
     def _click(self, event: viser.SceneClickEvent) -> None:
         origin = np.array(event.ray_origin) - self.camera.offset
@@ -219,9 +234,8 @@ class Viewer:
     def _pick(self, claim: Claim) -> None:
         told = others_then(self._flight.residuals, self._flight.claims.pending(), claim, NEAR_NS)
         self._dock.pick(claim, picked.story(claim, told))
-        self._client.scene.add_label(
-            "/world/outliers/picked", f"{claim.kind} · {claim.sensor}", position=claim.position or (0, 0, 0)
-        )
+        name, place_m = f"{self._flight.root}/outliers/picked", claim.position or (0, 0, 0)
+        self._label = self._client.scene.add_label(name, f"{claim.kind} · {claim.sensor}", position=place_m)
 
     def _ask(self, box: Rectangle) -> None:
         """Tell of the outliers that this viewer sees in a box."""
@@ -231,7 +245,9 @@ class Viewer:
     def _show(self, layer: str, *, shown: bool) -> None:
         (self._hidden.discard if shown else self._hidden.add)(layer)
         if layer not in self._layers:
-            self._layers[layer] = self._client.scene.add_frame(f"/world/{layer}", show_axes=False)
+            self._layers[layer] = self._client.scene.add_frame(
+                f"{self._flight.root}/{layer}", show_axes=False
+            )
         self._layers[layer].visible = shown
 
     def _tick_box(self, layer: str, event: viser.GuiEvent) -> None:
@@ -249,9 +265,12 @@ class Viewer:
     def _set_limit(self, name: str, value: float) -> None:
         self._view.limits = self._view.limits._replace(**{name: value})
 
+    def _choose(self, vehicle: str) -> None:
+        self._view.soon(partial(self._view.look_at, self._client, vehicle))
+
     def _set_paint(self, event: viser.GuiEvent) -> None:
         if event.client is not None:
-            self._view.soon(partial(self._view.picture.set_paint, event.target.value))
+            self._view.soon(partial(self._picture.set_paint, event.target.value))
 
     def _set_dark(self, event: viser.GuiEvent) -> None:
         if event.client is not None:

@@ -8,7 +8,8 @@ import urllib.request
 import pytest
 
 from tests.web.flight import SCENE, messages
-from web.view import View, ViewError, run
+from web.follow import run
+from web.view import View, ViewError
 
 pytestmark = pytest.mark.network
 
@@ -83,7 +84,7 @@ class FakeSubscription:
 
 def test_alone_on_the_bus_it_opens_for_the_scene_and_ends_when_told(port):
     bus, stop, told = SourceBus(), threading.Event(), []
-    alone = threading.Thread(target=run, args=(bus, port, stop, told.append))
+    alone = threading.Thread(target=run, args=({"uav1": bus}, port, stop, told.append))
     alone.start()
     deadline_s = time.monotonic() + 20
     while any(bus.waiting.values()) and time.monotonic() < deadline_s:

@@ -65,6 +65,11 @@ class SeenFlight:
         self.marks: dict[int, str] = {}  # time → patch, gap or reset; a seek back forgets none
         self.clear()
 
+    @property
+    def root(self) -> str:
+        """The node of the picture that all of this vehicle hangs under."""
+        return f"/world/{self.scene.vehicle}"
+
     def clear(self) -> None:
         self.state: State | None = None
         self.arrived_s = 0.0  # monotonic, of the state

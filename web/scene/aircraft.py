@@ -18,19 +18,19 @@ SLOW_MPS = 2.0  # below this the velocity says nothing about where the nose poin
 
 
 class Aircraft:
-    """Not seen before the first state."""
+    """Not seen before the first state. ``root`` is the node that it hangs under."""
 
-    def __init__(self, api: viser.SceneApi, name: str):
+    def __init__(self, api: viser.SceneApi, root: str, name: str):
         vertices, faces = glyphs.aircraft()
         self._body = api.add_mesh_simple(
-            "/world/aircraft", vertices, faces, flat_shading=True, side="double", visible=False
+            f"{root}/aircraft", vertices, faces, flat_shading=True, side="double", visible=False
         )
-        self._label = api.add_label("/world/aircraft-label", name, visible=False, anchor="bottom-center")
+        self._label = api.add_label(f"{root}/aircraft-label", name, visible=False, anchor="bottom-center")
         self._ellipsoid = api.add_icosphere(
-            "/world/trust/sigma", color=colours.FILTERED, opacity=0.30, visible=False, cast_shadow=False
+            f"{root}/trust/sigma", color=colours.FILTERED, opacity=0.30, visible=False, cast_shadow=False
         )
         self._protection = api.add_line_segments(
-            "/world/trust/protection",
+            f"{root}/trust/protection",
             barrel(),
             colours.PROTECTION,
             thickness=1.3,

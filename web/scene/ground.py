@@ -12,10 +12,10 @@ from web.scene.lines import Lines
 NORTH_M = 300.0
 
 
-def draw_ground(api: viser.SceneApi, lines: Lines) -> None:
+def draw_ground(api: viser.SceneApi, lines: Lines, root: str) -> None:
     """A grid of 100 m and 1 km at the height of the origin."""
     api.add_grid(
-        "/world/grid",
+        f"{root}/grid",
         infinite_grid=True,
         fade_distance=12_000.0,
         fade_strength=2.0,
@@ -29,11 +29,11 @@ def draw_ground(api: viser.SceneApi, lines: Lines) -> None:
     )
     tip = (0, NORTH_M, 0)
     shaft, left, right = (0, 0, 0), (-30, NORTH_M - 60, 0), (30, NORTH_M - 60, 0)
-    lines.draw("/world/north", np.array([(shaft, tip), (tip, left), (tip, right)]), colours.GROUND, 4.0)
-    api.add_label("/world/north-label", "N", position=(0, NORTH_M + 40, 0), anchor="center-center")
+    lines.draw(f"{root}/north", np.array([(shaft, tip), (tip, left), (tip, right)]), colours.GROUND, 4.0)
+    api.add_label(f"{root}/north-label", "N", position=(0, NORTH_M + 40, 0), anchor="center-center")
     for side, east, north in (("E", 1000, 0), ("N", 0, 1000), ("W", -1000, 0), ("S", 0, -1000)):
         api.add_label(
-            f"/world/1km-{side}",
+            f"{root}/1km-{side}",
             f"1 km {side}",
             position=(east, north, 0),
             font_screen_scale=0.8,
@@ -41,12 +41,14 @@ def draw_ground(api: viser.SceneApi, lines: Lines) -> None:
         )
 
 
-def draw_instrument(api: viser.SceneApi, instrument: Instrument, colour: Colour) -> viser.MeshHandle:
+def draw_instrument(
+    api: viser.SceneApi, root: str, instrument: Instrument, colour: Colour
+) -> viser.MeshHandle:
     name, position = instrument.name, instrument.position_enu_m
     vertices, faces = glyphs.radar() if instrument.kind == "radar" else glyphs.theodolite()
-    api.add_label(f"/world/instruments/{name}-label", name, position=position, anchor="top-center")
+    api.add_label(f"{root}/instruments/{name}-label", name, position=position, anchor="top-center")
     return api.add_mesh_simple(
-        f"/world/instruments/{name}",
+        f"{root}/instruments/{name}",
         vertices,
         faces,
         color=colour,

@@ -86,7 +86,7 @@ class Marks:
     """All outliers of a flight, for one viewer."""
 
     def __init__(self, api: viser.SceneApi, flight: SeenFlight):
-        self._api, self._flight = api, flight
+        self._api, self._flight, self._root = api, flight, flight.root
         self._pieces: dict[str, list[tuple[int, Piece]]] = {kind: [] for kind in SHAPES}  # number of its last
         self._open: dict[str, list[Claim]] = {kind: [] for kind in SHAPES}
         self._tails: dict[str, tuple[list[Claim], Piece]] = {}
@@ -122,7 +122,7 @@ class Marks:
             held.append(claim)
             if len(held) == PIECE:
                 self._made += 1
-                name = f"/world/outliers/{claim.kind}-{self._made}"
+                name = f"{self._root}/outliers/{claim.kind}-{self._made}"
                 self._pieces[claim.kind].append((number, Piece(self._api, name, claim.kind, held, eye)))
                 held.clear()
         self._seen = first + len(self._flight.outliers)
@@ -139,7 +139,10 @@ class Marks:
             if not claims:
                 before[1].remove()
         if claims:
-            self._tails[kind] = claims, Piece(self._api, f"/world/outliers/{kind}-tail", kind, claims, eye)
+            self._tails[kind] = (
+                claims,
+                Piece(self._api, f"{self._root}/outliers/{kind}-tail", kind, claims, eye),
+            )
 
 
 def sizes_m(places: np.ndarray, pixels: np.ndarray, eye: Eye) -> np.ndarray:

@@ -39,7 +39,7 @@ AFAR_M = 2000.0  # where nobody looks, things have the size for this distance
 
 
 class Picture:
-    """Draws one flight under ``/world`` on ``update``."""
+    """Draws one flight under its own root on ``update``."""
 
     def __init__(self, server: viser.ViserServer, flight: SeenFlight):
         self._server, self._flight = server, flight
@@ -49,26 +49,29 @@ class Picture:
         self.scale: paint.Scale | None = None
         self.low, self.high = np.zeros(3), np.zeros(3)  # corners of what is to be seen
         server.scene.add_frame("/world", show_axes=False)
+        self._root = root = flight.root
+        server.scene.add_frame(root, show_axes=False, visible=False)  # a viewer shows the one he looks at
         for name, shown in LAYERS.items():
-            server.scene.add_frame(f"/world/{name}", show_axes=False, visible=shown)
+            server.scene.add_frame(f"{root}/{name}", show_axes=False, visible=shown)
         self._lines = Lines(server.scene)
-        draw_ground(server.scene, self._lines)
+        draw_ground(server.scene, self._lines, root)
         self._glyphs = []
         for instrument in self._scene.instruments:
-            self._glyphs.append(draw_instrument(server.scene, instrument, self._colours[instrument.name]))
+            colour = self._colours[instrument.name]
+            self._glyphs.append(draw_instrument(server.scene, root, instrument, colour))
             self._include(np.array([instrument.position_enu_m]))
-        self.aircraft = Aircraft(server.scene, self._scene.vehicle)
-        self._wind = Arrow(server.scene, self._lines)
+        self.aircraft = Aircraft(server.scene, root, self._scene.vehicle)
+        self._wind = Arrow(server.scene, self._lines, root)
         draw = self._lines.drawer
-        self._newest = Trail("/world/newest", line, self._draw_newest, wide=7)
-        self._smoothed = Trail("/world/smoothed", line, draw(colours.SMOOTHED, SMOOTHED_PX))
-        self._shadow = Trail("/world/ground/shadow", shadow, draw(colours.GROUND, 1.5))
-        self._drops = Trail("/world/ground/drops", drops, draw(colours.GROUND, 0.6))
-        self._sticks = Trail("/world/sticks", sticks, draw(colours.OUTLIER, 1.0), wide=6)
+        self._newest = Trail(f"{root}/newest", line, self._draw_newest, wide=7)
+        self._smoothed = Trail(f"{root}/smoothed", line, draw(colours.SMOOTHED, SMOOTHED_PX))
+        self._shadow = Trail(f"{root}/ground/shadow", shadow, draw(colours.GROUND, 1.5))
+        self._drops = Trail(f"{root}/ground/drops", drops, draw(colours.GROUND, 0.6))
+        self._sticks = Trail(f"{root}/sticks", sticks, draw(colours.OUTLIER, 1.0), wide=6)
         self._raw: dict[str, Trail] = {}  # by sensor
         if flight.other:
             places = flight.other.points()
-            self._lines.draw("/world/other/course", line(places), colours.OTHER[False], OTHER_PX)
+            self._lines.draw(f"{root}/other/course", line(places), colours.OTHER[False], OTHER_PX)
             self._include(places[np.isfinite(places).all(axis=1)])
         self._dropped_ns = 0
         self._moved: tuple | None = None  # time and eyes of what was last drawn
@@ -76,9 +79,9 @@ class Picture:
     def set_dark(self, *, dark: bool) -> None:
         self._dark = dark
         self.aircraft.set_dark(dark=dark)
-        self._lines.recolour("/world/other/", colours.OTHER[dark])
+        self._lines.recolour(f"{self._root}/other/", colours.OTHER[dark])
         for sensor in self._raw:
-            self._lines.recolour(f"{_raw_path(sensor)}/", self._dot_colour(sensor))
+            self._lines.recolour(f"{self._root}/{_raw_path(sensor)}/", self._dot_colour(sensor))
 
     def set_paint(self, choice: str) -> None:
         self.paint, self.scale = choice, None
@@ -111,9 +114,12 @@ class Picture:
             trail.clear()
         self.aircraft.hide()
         self._wind.move(None, np.zeros(3), AFAR_M)
-        gone = ["/world/plumb"]
+        gone = [f"{self._root}/plumb"]
         for instrument in self._scene.instruments:
-            gone += [f"/world/sights/{instrument.name}", f"/world/sights/{instrument.name}-refused"]
+            gone += [
+                f"{self._root}/sights/{instrument.name}",
+                f"{self._root}/sights/{instrument.name}-refused",
+            ]
         for name in gone:
             self._lines.draw(name, np.zeros((0, 2, 3)), colours.GROUND, 1.0)
         self._dropped_ns = 0
@@ -163,7 +169,7 @@ class Picture:
         """Where a sensor's accepted claims are drawn."""
         if sensor not in self._raw:
             self._raw[sensor] = Trail(
-                _raw_path(sensor),
+                f"{self._root}/{_raw_path(sensor)}",
                 dots,
                 lambda name, segments: self._lines.draw(name, segments, self._dot_colour(sensor), DOT_PX),
             )
@@ -178,7 +184,7 @@ class Picture:
         self.aircraft.move(state, distance_m)
         self._wind.move(self._flight.wind, position, distance_m)
         plumb = np.array([[position, position * (1, 1, 0)]])
-        self._lines.draw("/world/plumb", plumb, colours.GROUND, 1.5)
+        self._lines.draw(f"{self._root}/plumb", plumb, colours.GROUND, 1.5)
         for instrument, glyph in zip(self._scene.instruments, self._glyphs, strict=True):
             far_m = _nearest(eyes, np.array(instrument.position_enu_m))
             glyph.scale = scale = max(2.0, INSTRUMENT * far_m)
@@ -191,13 +197,13 @@ class Picture:
         seen = claim.position if fresh and claim is not None and claim.misplaced else None
         head = np.array(glyph.position) + np.array([0, 0, glyphs.HEAD * scale])
         beam = np.array([[head, seen or state.position_enu_m]])
-        nothing, path = beam[:0], f"/world/sights/{name}"
+        nothing, path = beam[:0], f"{self._root}/sights/{name}"
         self._lines.draw(path, beam if fresh and not seen else nothing, self._colours[name], 1.5)
         self._lines.draw(f"{path}-refused", beam if seen else nothing, colours.OUTLIER, 1.5)
 
 
 def _raw_path(sensor: str) -> str:
-    return "/world/INS/points" if sensor == "ins" else f"/world/raw/{sensor}"
+    return "INS/points" if sensor == "ins" else f"raw/{sensor}"
 
 
 def _nearest(eyes: Sequence[np.ndarray], place: np.ndarray) -> float:

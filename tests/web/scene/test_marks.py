@@ -36,7 +36,7 @@ class Stage:
         return np.concatenate([np.zeros((0, 3)), *found])
 
     def width(self, name: str) -> float:
-        points = self.nodes[f"/world/outliers/{name}"].points
+        points = self.nodes[f"/world/uav1/outliers/{name}"].points
         return float(np.ptp(points.reshape(-1, 3), axis=0).max())
 
 
@@ -82,9 +82,9 @@ def test_sizes_follow_the_eye(flight):
     flight.outliers.extend(outliers(3, "patch"))
     shown = Marks(stage, flight)
     shown.update(Eye(np.array([0, 0, 1000.0]), 0.001))
-    far = stage.places("patch"), stage.nodes["/world/outliers/patch-tail"].points[0]
+    far = stage.places("patch"), stage.nodes["/world/uav1/outliers/patch-tail"].points[0]
     shown.update(Eye(np.array([0, 0, 100.0]), 0.001))
-    near = stage.places("patch"), stage.nodes["/world/outliers/patch-tail"].points[0]
+    near = stage.places("patch"), stage.nodes["/world/uav1/outliers/patch-tail"].points[0]
     np.testing.assert_allclose(far[0], near[0], atol=1e-4)
     edges = [np.linalg.norm(line[1] - line[0]) for line in (far[1], near[1])]
     np.testing.assert_allclose(edges[0] / edges[1], 10.0, rtol=0.01)
