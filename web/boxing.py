@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 import viser
 
+from gcs.contract.supervision import guarded
 from web.memory.geometry import Rectangle
 from web.plots.dock import BOX
 
@@ -26,7 +27,7 @@ class Boxing:
         self.waiting = waiting
         self._button.label = WAITING if waiting else BOX
         if waiting:
-            self._scene.on_rect_select()(self._draw)
+            self._scene.on_rect_select()(guarded("view", self._draw))
         else:
             self._scene.remove_rect_select_callback()
 

@@ -8,7 +8,8 @@ import contextlib
 import io
 import threading
 from collections import deque
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Callable, Collection, Iterable, Iterator
+from functools import partial
 
 import viser
 
@@ -152,11 +153,22 @@ class View:
 
     def _run(self, stop: threading.Event) -> None:
         while not stop.wait(PERIOD_S):
-            for step in (self._take_all, self._act, self._draw, *self._refreshers()):
+            self._tick += 1
+            for step in self._steps():
                 try:
                     step()
                 except Exception as error:  # whatever fails, the rest of the page goes on and says so
                     self._fail(error)
+
+    def _steps(self) -> Iterator[Callable[[], None]]:
+        """One turn of the page; what one vehicle or one viewer breaks is not the others' matter."""
+        for vehicle in self.seen:
+            yield partial(self._take_all, vehicle)
+        yield self._act
+        for vehicle in self.seen:
+            yield partial(self._draw, vehicle)
+        for viewer in list(self._viewers.values()):
+            yield viewer.refresh
 
     def _fail(self, error: Exception) -> None:
         line = f"the page failed to draw something: {brief(error)}"
@@ -164,29 +176,23 @@ class View:
             self._failures.append(line)
             log.error("view: %s", line, exc_info=error)
 
-    def _take_all(self) -> None:
-        for vehicle in self.seen:
-            if vehicle.take_all():
-                for viewer in self._at(vehicle):
-                    viewer.clear()
+    def _take_all(self, vehicle: SeenVehicle) -> None:
+        if vehicle.take_all():
+            for viewer in self._at(vehicle):
+                viewer.clear()
 
     def _act(self) -> None:
         for _ in range(len(self._todo)):
             self._todo.popleft()()
 
-    def _draw(self) -> None:
-        for vehicle in self.seen:
-            eyes = [viewer.camera.eye() for viewer in self._at(vehicle)]
-            if eyes or self._tick % UNSEEN_TICKS == 0:
-                vehicle.picture.update(vehicle.flight.state, eyes)
-        self._tick += 1
+    def _draw(self, vehicle: SeenVehicle) -> None:
+        eyes = [viewer.camera.eye() for viewer in self._at(vehicle)]
+        if eyes or self._tick % UNSEEN_TICKS == 0:
+            vehicle.picture.update(vehicle.flight.state, eyes)
 
     def _at(self, vehicle: SeenVehicle) -> list[Viewer]:
         """Who looks at it."""
         return [viewer for viewer in self._viewers.values() if viewer.vehicle is vehicle]
-
-    def _refreshers(self) -> list[Callable[[], None]]:
-        return [viewer.refresh for viewer in self._viewers.values()]
 
 
 def _hush() -> contextlib.redirect_stdout:

@@ -9,6 +9,7 @@ import numpy as np
 import viser
 
 from gcs.contract.messages import State
+from gcs.contract.supervision import guarded
 from web.boxing import Boxing
 from web.camera import FOLLOW, ORBIT, TOP, Camera, modes
 from web.look import colours, html
@@ -20,6 +21,7 @@ from web.memory.lies import lies
 from web.memory.residuals import others_then
 from web.panel import apart, events, legend, picked, place, player, sensors, status
 from web.panel import boxed as in_box
+from web.panel.bell import Bell
 from web.panel.fleet import Fleet
 from web.panel.limits import LimitsForm, alarms
 from web.panel.player import LookBack, Player
@@ -68,9 +70,9 @@ class Viewer:
         self._build()
         self._dock = Dock(client.gui, self._flight)
         self._boxing = Boxing(client, self._dock.box, lambda box: view.soon(partial(self._ask, box)))
-        self._dock.box.on_click(lambda _: self._boxing.press())
+        self._dock.box.on_click(guarded("view", lambda _: self._boxing.press()))
         self._add_keys()
-        client.scene.on_click()(self._click)
+        client.scene.on_click()(guarded("view", self._click))
         self.camera.update(None, self._picture.low, self._picture.high)
         self.camera.look()
 
@@ -133,26 +135,27 @@ class Viewer:
             self._log = gui.add_html("")
         with tabs.add_tab("Limits"):
             self._limits = LimitsForm(gui, self._view.limits, self._set_limit)
+            self._bell = Bell(gui)
         with tabs.add_tab("Show"):
             self._add_show()
 
     def _add_show(self) -> None:
         gui = self._client.gui
         self._camera = gui.add_dropdown("camera", modes(self._flight.scene))
-        self._camera.on_update(lambda event: self.camera.set_mode(event.target.value))
-        gui.add_button("Reset view").on_click(lambda _: self.camera.look())
+        self._camera.on_update(guarded("view", lambda event: self.camera.set_mode(event.target.value)))
+        gui.add_button("Reset view").on_click(guarded("view", lambda _: self.camera.look()))
         self._paint = gui.add_dropdown("track colour", CHOICES, initial_value=self._picture.paint)
-        self._paint.on_update(self._set_paint)
+        self._paint.on_update(guarded("view", self._set_paint))
         self._legend = gui.add_html("")
         self._boxes = {}
         for name in LAYERS:
             if name == "other" and not self._flight.other:
                 continue
             box = gui.add_checkbox(NAMES.get(name, name), name not in self._hidden)
-            box.on_update(partial(self._tick_box, name))
+            box.on_update(guarded("view", partial(self._tick_box, name)))
             self._boxes[name] = box
         self._dark = gui.add_checkbox("dark", self._view.dark)
-        self._dark.on_update(self._set_dark)
+        self._dark.on_update(guarded("view", self._set_dark))
 
     def _add_keys(self) -> None:
         press, look = self._player.press, self._set_camera
@@ -173,7 +176,7 @@ class Viewer:
         eyes = zip(modes(self._flight.scene)[3:], numbers, strict=False)
         keys += [(f"Camera: {mode}", key, partial(look, mode)) for mode, key in eyes]
         for label, key, act in keys:
-            self._client.gui.add_command(label, hotkey=key).on_trigger(partial(_do, act))
+            self._client.gui.add_command(label, hotkey=key).on_trigger(guarded("view", partial(_do, act)))
 
     def _write(self, shown: State | None) -> None:
         flight, view = self._flight, self._view
@@ -188,6 +191,7 @@ class Viewer:
         lying = lies(flight, flight.state.t_ns if flight.state else 0)
         texts = [f"{lie.text} ({lie.sigmas:.0f} σ) since {clock(lie.since_ns)}" for lie in lying]
         self._go.content = status.go(found, texts, demanded=view.limits.demanded) if flight.state else ""
+        self._bell.update(len(found) if flight.state else 0)
         self._numbers.content = status.numbers(shown, flight.wind, old=old)
         self._place.content = place.block(scene, shown, self._form.value, old=old)
         self._apart.content = apart.block(flight.other, shown, old=old)

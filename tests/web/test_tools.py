@@ -6,6 +6,7 @@ import numpy as np
 
 from tests.web import browser
 from tests.web.page import S, canvas, ink, pixel, tab, until
+from web.panel.limits import OperatorLimits
 
 pytestmark = browser.NEEDED
 
@@ -73,3 +74,29 @@ def test_a_patch_is_marked_on_the_slider_and_the_event_keys_go_there(page, view,
     tape.now_ns = tape.start_ns + 40 * S
     assert until(lambda: page.locator("[role=slider]").first.get_attribute("aria-valuenow") == "40")
     assert slider._marks is sent
+
+
+def test_a_limit_that_breaks_is_heard_once_the_bell_is_on(page, view):
+    page.evaluate(
+        """() => { window.rung = 0; const real = window.AudioContext;
+        window.AudioContext = function () { window.rung += 1; return new real(); } }"""
+    )
+    view.limits = OperatorLimits(silent_s=0.0, refused_share=0.0)
+    tab(page, "Limits")
+    page.get_by_text("no limit for the position is set").wait_for()
+    page.get_by_role("checkbox", name="sound when a limit breaks").click()
+    view.limits = view.limits._replace(protection_v_m=5.0)
+    assert until(lambda: page.evaluate("window.rung") == 1)
+    page.get_by_text("height holds within 6.4 m, 5 m is demanded").wait_for()
+    assert page.evaluate("window.rung") == 1
+    view.limits = OperatorLimits()
+
+
+def test_a_control_that_fails_is_logged(page, view, caplog, monkeypatch):
+    def broken(*_):
+        raise ValueError("cannot happen")
+
+    monkeypatch.setattr(next(iter(view._viewers.values()))._dock, "tell", broken)
+    monkeypatch.setattr(next(iter(view._viewers.values()))._boxing, "press", broken)
+    page.get_by_role("button", name="Outliers in a box").click()
+    assert until(lambda: "view failed: ValueError: cannot happen" in caplog.text)

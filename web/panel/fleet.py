@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import viser
 
+from gcs.contract.supervision import guarded
 from web.look import colours
 from web.look.colours import Colour
 from web.look.html import block, inked, table
@@ -67,7 +68,7 @@ class Fleet:
         self._table = gui.add_html("", visible=False)
         self._choice = gui.add_dropdown("vehicle", (chosen,), visible=False)
         self._choose = choose
-        self._choice.on_update(self._take)
+        self._choice.on_update(guarded("view", self._take))
 
     def update(self, flights: Mapping[str, SeenFlight | None], limits: OperatorLimits, chosen: str) -> None:
         """``flights`` by vehicle; one whose station has not been heard has none, and cannot be chosen."""

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import viser
 
 from gcs.contract.messages import Health, State
+from gcs.contract.supervision import guarded
 from web.look import html
 
 
@@ -66,7 +67,7 @@ class LimitsForm:
             html.block('<span class="quiet">0: no such limit. The limits hold for all viewers.</span>')
         )
         for name, handle in self._fields.items():
-            handle.on_update(partial(_changed, put, name))
+            handle.on_update(guarded("view", partial(_changed, put, name)))
 
     def sync(self, limits: OperatorLimits) -> None:
         for name, handle in self._fields.items():

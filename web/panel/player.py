@@ -8,6 +8,7 @@ from typing import Protocol
 import viser
 from viser._messages import GuiSliderMark
 
+from gcs.contract.supervision import guarded
 from web.memory.flight import STEP_NS, SeenFlight
 from web.panel import events
 
@@ -105,10 +106,12 @@ class Player:
             if not self._live:
                 speed = min(SPEEDS, key=lambda name: abs(min(SPEEDS[name], 1e3) - min(time_.speed, 1e3)))
                 self._speed = gui.add_dropdown("speed", tuple(SPEEDS), initial_value=speed)
-                self._speed.on_update(lambda event: time_.set_speed(SPEEDS[event.target.value]))
+                self._speed.on_update(
+                    guarded("view", lambda event: time_.set_speed(SPEEDS[event.target.value]))
+                )
         for group in (self._steps, self._jumps):
-            group.on_click(lambda event: self.press(event.target.value))
-        self._slider.on_update(self._touch)
+            group.on_click(guarded("view", lambda event: self.press(event.target.value)))
+        self._slider.on_update(guarded("view", self._touch))
 
     def mode(self) -> str:
         """One word or two for the badge."""

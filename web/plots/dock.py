@@ -6,6 +6,7 @@ import numpy as np
 import viser
 from viser import uplot
 
+from gcs.contract.supervision import guarded
 from web.look.colours import css
 from web.memory.claims import Claim
 from web.memory.flight import SeenFlight
@@ -87,7 +88,7 @@ class Dock:
         panel.dock_left()
         panel.set_width(WIDTH_PX)
         self._charts, self._near = Charts(gui), Charts(gui)
-        self._close.on_click(lambda _: self.tell(""))
+        self._close.on_click(guarded("view", lambda _: self.tell("")))
 
     def update(self, now_ns: int) -> None:
         span_s = SPANS_S[self._span.value]
