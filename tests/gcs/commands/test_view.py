@@ -1,0 +1,101 @@
+"""``gcs view``: which vehicles and what beside them, and the page of a station on the bus."""
+
+import signal
+import socket
+import subprocess
+import sys
+import urllib.request
+from contextlib import nullcontext
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from gcs.commands.cli import main
+from gcs.contract import messages
+from gcs.contract.wire.bus import Bus
+from tests.web import flight
+
+SAMPLE = Path(__file__).parents[3] / "logs" / "sample"
+
+
+@pytest.fixture
+def view(monkeypatch, capsys):
+    """Runs the command with no bus and no page; gives what the page would be opened with."""
+
+    def view(*options, code: int = 0):
+        told = {}
+
+        def run(buses, port, _stop, _opened, *, origins, other):
+            told.update(vehicles=list(buses), port=port, origins=origins, other=other)
+
+        monkeypatch.setattr("gcs.commands.view.open_bus", lambda station, **_: nullcontext(station))
+        monkeypatch.setattr("gcs.commands.view.stopped", lambda: None)
+        monkeypatch.setattr("web.follow.run", run)
+        arguments = ["gcs", "view", "--station", SAMPLE / "station.toml", *options]
+        monkeypatch.setattr(sys, "argv", list(map(str, arguments)))
+        with pytest.raises(SystemExit) as left:
+            main()
+        assert (left.value.code or 0) == code
+        return told, capsys.readouterr().err
+
+    return view
+
+
+def test_the_station_file_s_vehicle_by_default(view):
+    told, said = view("--config", "view.port=18111")
+    assert (told["vehicles"], told["port"], told["other"]) == (["uav1"], 18111, None)
+    assert "/uav1" in said
+
+
+def test_several_vehicles_in_the_order_they_are_named(view):
+    told, said = view("--vehicle", "uav2", "uav1")
+    assert told["vehicles"] == ["uav2", "uav1"]
+    assert "/uav2, " in said
+
+
+def test_one_named_twice_is_refused(view):
+    _, said = view("--vehicle", "uav2", "uav2", code=2)
+    assert "--vehicle uav2: named twice" in said
+
+
+def test_another_course_is_read_before_anything_is_waited_for(view):
+    told, _ = view("--overlay", SAMPLE / "truth.csv")
+    assert told["other"].name == "truth.csv"
+    told, said = view("--overlay", "nothing.csv", code=2)
+    assert not told
+    assert "nothing.csv" in said
+
+
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+@pytest.mark.network
+def test_two_stations_of_a_range_on_one_page():
+    endpoint, port = f"tcp/127.0.0.1:{free_port()}", free_port()
+    options = [f"bus.endpoint={endpoint}", f"view.port={port}"]
+    with (
+        Bus.open("demo", "uav1", endpoint=endpoint) as first,
+        Bus.open("demo", "uav2", mode="client", endpoint=endpoint) as second,
+    ):
+        for name, bus in (("uav1", first), ("uav2", second)):
+            scene = msgspec.structs.replace(flight.SCENE, vehicle=name)
+            bus.publish("scene", scene)
+            bus.serve("scene", lambda scene=scene: messages.encode(scene))
+        command = [sys.executable, "-m", "gcs", "view", "--station", SAMPLE / "station.toml"]
+        command += ["--vehicle", "uav1", "uav2", *(word for one in options for word in ("--config", one))]
+        process = subprocess.Popen(list(map(str, command)), stderr=subprocess.PIPE, text=True)
+        try:
+            assert process.stderr
+            said = process.stderr.readline()
+            while f"view: http://127.0.0.1:{port}" not in said:
+                assert process.poll() is None, said
+                said = process.stderr.readline()
+            assert urllib.request.urlopen(f"http://127.0.0.1:{port}", timeout=20).status == 200
+            process.send_signal(signal.SIGINT)
+            assert process.wait(30) == 0
+        finally:
+            process.kill()
