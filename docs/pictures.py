@@ -1,8 +1,8 @@
 """Makes the pictures of the page in docs/, in a real Chromium, of the sample flight.
 
 ``python docs/pictures.py`` makes all, ``python docs/pictures.py view-picked`` one. The page is the station's
-own, of ``gcs replay`` and ``gcs run``, driven as an operator would. Without a graphics card a picture takes
-about a minute.
+own, of ``gcs replay`` and ``gcs run``, driven as an operator would; the several vehicles are made up. Without
+a graphics card a picture takes about a minute.
 """
 
 import io
@@ -11,19 +11,23 @@ import signal
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import msgspec
 import numpy as np
 from PIL import Image
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
-from tests.web import browser  # noqa: E402
+from gcs.contract.messages import Health, State  # noqa: E402
+from tests.web import browser, flight  # noqa: E402
+from web.view import View  # noqa: E402
 
 SAMPLE, PORT = ROOT / "logs" / "sample", 26_090
 BUS, MAVLINK = "tcp/127.0.0.1:26091", "udpin:127.0.0.1:26092"
@@ -36,8 +40,8 @@ class Shot(NamedTuple):
     """One picture."""
 
     size: dict[str, int]
-    replay: bool  # of the sample flight; else a station that has heard nothing yet
-    drive: Callable[[Any, subprocess.Popen], None]
+    source: Callable[[], Any]  # opens what is shown, until the picture is taken
+    drive: Callable[[Any, Any], None]
 
 
 def main(wanted: list[str]) -> None:
@@ -45,10 +49,10 @@ def main(wanted: list[str]) -> None:
         if wanted and name not in wanted:
             continue
         with (
-            station(replay=shot.replay) as process,
+            shot.source() as process,
             browser.open_page(f"http://127.0.0.1:{PORT}", shot.size) as page,
         ):
-            if shot.replay:
+            if shot.source is replayed:
                 page.get_by_text("END", exact=True).wait_for()
             shot.drive(page, process)
             browser.settle(page)
@@ -58,18 +62,9 @@ def main(wanted: list[str]) -> None:
 
 
 @contextmanager
-def station(*, replay: bool) -> Iterator[subprocess.Popen]:
+def station(*command: str) -> Iterator[subprocess.Popen]:
     """The station with its page, in a process of its own."""
-    feeds = [f"{name}={SAMPLE / name}.csv" for name in ("theo-north", "theo-east", "radar-1")]
-    command = [
-        "replay",
-        str(SAMPLE / "flight.tlog"),
-        *(word for feed in feeds for word in ("--feed", feed)),
-        "--view",
-    ]
-    if not replay:
-        command = ["run"]
-    settings = [f"view.port={PORT}", f"bus.endpoint={BUS}", f"mavlink.link={MAVLINK}"]
+    settings = (f"view.port={PORT}", f"bus.endpoint={BUS}", f"mavlink.link={MAVLINK}")
     with tempfile.TemporaryDirectory() as out:
         process = subprocess.Popen(
             [sys.executable, "-m", "gcs", *command, "--station", str(SAMPLE / "station.toml"), "--out", out,
@@ -85,6 +80,45 @@ def station(*, replay: bool) -> Iterator[subprocess.Popen]:
             process.send_signal(signal.SIGCONT)
             process.send_signal(signal.SIGINT)
             process.wait(60)
+
+
+FEEDS = [f"{name}={SAMPLE / name}.csv" for name in ("theo-north", "theo-east", "radar-1")]
+FLOWN = ("replay", str(SAMPLE / "flight.tlog"), "--feed", *FEEDS)
+
+
+def replayed() -> Any:
+    """The sample flight, to its end, with its truth beside it."""
+    return station(*FLOWN, "--view", "--overlay", str(SAMPLE / "truth.csv"))
+
+
+def unheard() -> Any:
+    """A station that has heard nothing yet."""
+    return station("run")
+
+
+@contextmanager
+def range_of_three() -> Iterator[None]:
+    """Two vehicles on a made-up flight, one of them in doubt, and a third whose station nobody has heard."""
+    view, over = View(flight.SCENE, port=PORT), threading.Event()
+    view.expect(("uav1", "uav2", "uav3"))
+    view.add(msgspec.structs.replace(flight.SCENE, vehicle="uav2"))
+    told = [pair for pair in flight.messages(60.0) if not isinstance(pair[0], Health)]
+
+    def fly() -> None:
+        for vehicle in ("uav1", "uav2"):
+            for message, source in told:
+                view.put(message, source, vehicle)
+        last = [message for message, source in told if isinstance(message, State) and not source][-1]
+        while not over.wait(0.2):
+            for vehicle in ("uav1", "uav2"):
+                view.put(msgspec.structs.replace(last, ambiguous=vehicle == "uav2"), "", vehicle)
+
+    flying = threading.Thread(target=fly)
+    flying.start()
+    yield
+    over.set()
+    flying.join()
+    view.close()
 
 
 def flown(page: Any, _process: subprocess.Popen) -> None:
@@ -130,6 +164,28 @@ def empty(page: Any, _process: subprocess.Popen) -> None:
     page.get_by_text("No data yet.").wait_for()
 
 
+def boxed(page: Any, _process: subprocess.Popen) -> None:
+    """A box over the whole flight, with its outliers told; how far it is from the truth, on the right."""
+    page.get_by_role("button", name="‹ step").click()
+    page.locator("[role=slider]").first.focus()
+    for _ in range(60):
+        page.keyboard.press("ArrowLeft")  # 6 s back: the truth ends before the flight
+    page.get_by_text("m above").or_(page.get_by_text("m below")).wait_for()
+    browser.settle(page)
+    page.get_by_role("button", name="Outliers in a box").click()
+    page.get_by_text("Drag a box").wait_for()
+    left, top, right, bottom = 520, 120, 1480, 900
+    page.mouse.move(left, top)
+    page.mouse.down()
+    page.mouse.move(right, bottom, steps=10)
+    page.mouse.up()
+    page.get_by_text("measurements there").wait_for()
+
+
+def many(page: Any, _process: None) -> None:
+    page.get_by_text("NO STATION").wait_for()
+
+
 def save(png: bytes, path: Path) -> None:
     picture = Image.open(io.BytesIO(png)).convert("RGB")
     if picture.width > WIDE_PX:
@@ -140,11 +196,13 @@ def save(png: bytes, path: Path) -> None:
 
 
 SHOTS = {
-    "view": Shot(SMALL, True, flown),
-    "view-picked": Shot(SMALL, True, picked),
-    "view-painted": Shot(LARGE, True, painted),
-    "view-lost": Shot(SMALL, True, lost),
-    "view-empty": Shot(SMALL, False, empty),
+    "view": Shot(SMALL, replayed, flown),
+    "view-picked": Shot(SMALL, replayed, picked),
+    "view-painted": Shot(LARGE, replayed, painted),
+    "view-lost": Shot(SMALL, replayed, lost),
+    "view-empty": Shot(SMALL, unheard, empty),
+    "view-boxed": Shot(LARGE, replayed, boxed),
+    "view-vehicles": Shot(SMALL, range_of_three, many),
 }
 
 if __name__ == "__main__":
