@@ -165,13 +165,7 @@ def empty(page: Any, _process: subprocess.Popen) -> None:
 
 
 def boxed(page: Any, _process: subprocess.Popen) -> None:
-    """A box over the whole flight, with its outliers told; how far it is from the truth, on the right."""
-    page.get_by_role("button", name="‹ step").click()
-    page.locator("[role=slider]").first.focus()
-    for _ in range(60):
-        page.keyboard.press("ArrowLeft")  # 6 s back: the truth ends before the flight
-    page.get_by_text("m above").or_(page.get_by_text("m below")).wait_for()
-    browser.settle(page)
+    """A box over the whole flight, with its outliers told."""
     page.get_by_role("button", name="Outliers in a box").click()
     page.get_by_text("Drag a box").wait_for()
     left, top, right, bottom = 520, 120, 1480, 900
