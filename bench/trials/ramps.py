@@ -71,7 +71,8 @@ def one(asked, case) -> tuple:
         sigma = sensor.sigma[said.channels]
         there = np.flatnonzero(np.isfinite(sigma))
         columns = tuple(there if kind != "one channel" else rng.choice(there, 1))
-        return simulate.patch(said, sigma, "ramp", begin_s, LONG_S, rng, columns, rate * LONG_S, flight.t0_ns)
+        ramp = simulate.LongPatch("ramp", begin_s, LONG_S, columns, rate * LONG_S)
+        return simulate.patch(said, sigma, ramp, rng, flight.t0_ns)
 
     seen = common.watched(flight, asked.sensors, seed, 0.0, slide)
     make = common.maker(asked)
