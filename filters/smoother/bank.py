@@ -7,7 +7,7 @@ Analysis*, 6.3), whatever went wrong. The log evidence with prior odds decides:
     without     the weights of the bank without some sensor, where that puts the target elsewhere
     running     rows after the begin of a run stay closed in their channel, then opened
     again       the same anchor, all rows open again, annealed
-    manoeuvre   the same, with a much wilder motion from where the misfits begin
+    manoeuvre   the same, with a much wilder motion from just before the misfits begin
     start       nothing known before: each sensor's own fix and rows, then all rows
 
 The first start, a gap, a jump, a capture by a bad sensor are all the last of these.
@@ -31,6 +31,7 @@ LOST = 12.0  # … for a method that decides at first sight and takes outliers i
 ODDS_MANOEUVRE, ODDS_START = np.log(0.1), np.log(1e-2)  # prior odds in any one window
 INERTIA = np.log(1e-2)  # prior odds of any change: the incumbent has explained all windows before
 MISFIT = 5.0  # rows that one misfit outweighs in the search for where a manoeuvre began
+LEAD_NS = 100_000_000  # a jerk is under way for so long before a position shows it: (6 · 0.1 m / 600 m/s³)^⅓
 TEMPER = 0.3  # power of the odds: rows of a channel are less independent than the model says
 PROOF_NS = 3_000_000_000  # longer than the runs of outliers that radars and theodolites show
 CLOSE = np.log(1e3)  # log odds within which two hypotheses are ambiguous
@@ -193,10 +194,14 @@ class Bank:
         return trial
 
     def _onset(self, rows: Rows) -> int:
-        """The row from which on there are more misfits than before: cumulative sum, reversed (Page 1954)."""
+        """The first row of a manoeuvre: somewhat before the one from which on there are more misfits.
+
+        That by a cumulative sum, reversed (Page 1954).
+        """
         own = self.best.own
         misfit = np.where(own.weight < status.DOUBT, MISFIT, 0.0) * (rows.sensor != self.excluded)
-        return int(len(misfit) - 1 - np.argmax(np.cumsum((misfit - 1.0)[::-1])))
+        seen = int(len(misfit) - 1 - np.argmax(np.cumsum((misfit - 1.0)[::-1])))
+        return int(np.searchsorted(rows.t, rows.t[seen] - LEAD_NS))
 
     def _starts(self, rows: Rows) -> list[Hypothesis]:
         model, prior = self.space.model, self.prior

@@ -255,6 +255,14 @@ def trial(at, sigma=1.0):
     """A hypothesis, as far as doubt looks at it."""
     return SimpleNamespace(
         head=SimpleNamespace(x=np.append(np.array(at, float), np.zeros(6)), P=np.eye(9) * sigma**2)
+def test_a_manoeuvre_begins_before_it_is_seen():
+    one, rows = later([INS, A, B, RADAR])
+    seen = rows.t[-1] - 200_000_000
+    one.best.own.weight[:] = rows.t < seen
+    begin = one._onset(rows)
+    assert rows.t[begin] == rows.t[rows.t >= rows.t[rows.t >= seen][0] - bank.LEAD_NS][0]
+
+
     )
 
 
