@@ -2,7 +2,8 @@
 
 The first two proposals are made wherever there is one to make. The others when the incumbent explains its
 window worse than a right model would (a posterior predictive check: Gelman et al. 2013, *Bayesian Data
-Analysis*, 6.3), whatever went wrong. The log evidence with prior odds decides:
+Analysis*, 6.3), whatever went wrong; and starts also until the newest one has explained a window, as till
+then it is no likelier than another one. The log evidence with prior odds decides:
 
     without     the weights of the bank without some sensor, where that puts the target elsewhere
     running     rows after the begin of a run stay closed in their channel, then opened
@@ -30,8 +31,8 @@ SHORTFALL = 2.0  # standard deviations of the log evidence below which the model
 LOST = 12.0  # … for a method that decides at first sight and takes outliers in its stride
 ODDS_MANOEUVRE, ODDS_START = np.log(0.1), np.log(1e-2)  # prior odds in any one window
 INERTIA = np.log(1e-2)  # prior odds of any change: the incumbent has explained all windows before
-MISFIT = 5.0  # rows that one misfit outweighs in the search for where a manoeuvre began
 LEAD_NS = 100_000_000  # a jerk is under way for so long before a position shows it: (6 · 0.1 m / 600 m/s³)^⅓
+MISFIT = 5.0  # rows that one misfit outweighs in the search for where a manoeuvre began
 TEMPER = 0.3  # power of the odds: rows of a channel are less independent than the model says
 PROOF_NS = 3_000_000_000  # longer than the runs of outliers that radars and theodolites show
 CLOSE = np.log(1e3)  # log odds within which two hypotheses are ambiguous
@@ -78,7 +79,7 @@ class Bank:
         weights = [other.own.weight for other in others if apart(best, other)]
         running = self._running(rows)
         failing = len(rows.t) > 0 and best.shortfall >= SHORTFALL
-        if not weights and not running.any() and not failing:
+        if not weights and not running.any() and not failing and not best.young:
             return found, False
         trials = [(0.0, best)]  # log prior odds, hypothesis
         trials += [(0.0, self._again(rows, weight, annealed=False)) for weight in weights]
@@ -87,22 +88,24 @@ class Bank:
             trial.settle(rows, 0, running)
             trials.append((0.0, trial))
             trials.append((0.0, self._again(rows, trial.own.weight, annealed=False)))
-        starts = []
+        starts, odds_start, inertia = [], ODDS_START, INERTIA
+        if best.young:
+            starts, odds_start, inertia = self._starts(rows), 0.0, 0.0
         if failing:
             everything = (rows.sensor != self.excluded).astype(float)
             again = self._again(rows, everything, annealed=True)
             wilder = self._manoeuvre(rows)
             trials += [(0.0, again), (ODDS_MANOEUVRE, wilder)]
             unexplained = min(again.shortfall, wilder.shortfall) > SHORTFALL
-            if unexplained or best.shortfall > 3.0 * SHORTFALL:
+            if not starts and (unexplained or best.shortfall > 3.0 * SHORTFALL):
                 starts = self._starts(rows)
         if starts:
             likeliest = max(starts, key=lambda trial: trial.log_evidence)
             trials.append((0.0, self._again(rows, likeliest.own.weight, annealed=False)))
         kept = len(trials)
-        trials += [(ODDS_START, trial) for trial in starts]
+        trials += [(odds_start, trial) for trial in starts]
         ranked = [(prior + trial.log_evidence, trial) for prior, trial in trials]
-        number = int(np.argmax([odds + (INERTIA if h is not best else 0.0) for odds, h in ranked]))
+        number = int(np.argmax([odds + (inertia if h is not best else 0.0) for odds, h in ranked]))
         top, winner = ranked[number]
         self._doubt(winner, top, ranked)
         if winner is best:
@@ -112,7 +115,11 @@ class Bank:
         started = number >= kept
         if started:
             refused = (best.own.weight < status.DOUBT).mean()
-            self.reason = f"{refused:.0%} of the window's rows refused: begun again from the sensors"
+            self.reason = (
+                self.reason
+                if best.young
+                else f"{refused:.0%} of the window's rows refused: begun again from the sensors"
+            )
             self._put_to_the_proof(rows)
         return winner.settle(rows, keep), started
 

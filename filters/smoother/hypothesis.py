@@ -63,6 +63,7 @@ class Hypothesis:
         self.log_evidence = self.shortfall = 0.0
         self.scale = space.prior_noise
         self.surprise = 0.0
+        self.young = True  # none of its rows is decided yet
 
     def copy(self) -> "Hypothesis":
         """Another one that may go its own way."""
@@ -162,7 +163,7 @@ class Hypothesis:
         out = space.room(cut, 0)
         t_ns = passes.forward(model, left, own, self.densities(), x, P, self.anchor.t_ns, 0, out, space.work)
         status.advance(left, own, memory)
-        self.anchor = Moment(int(t_ns), x, P, memory)
+        self.anchor, self.young = Moment(int(t_ns), x, P, memory), False
         self.own = Outcome(*(column[cut:].copy() for column in self.own))
         self.scale = adaptation.follow_noise(self.scale, space.prior_noise, found, seconds)
         self.usual_psd = adaptation.usual(self.usual_psd, self.psd, space.prior_psd, seconds)

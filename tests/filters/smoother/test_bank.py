@@ -8,7 +8,7 @@ import pytest
 
 from filters.models import state
 from filters.models.motion import PSD
-from filters.models.rows import AZIMUTH, RANGE, E
+from filters.models.rows import AZIMUTH, ELEVATION, RANGE, E
 from filters.smoother import bank, status
 from filters.smoother.bank import Bank, Prior, apart
 from filters.smoother.buffer import Outcome, Rows, outcome
@@ -100,6 +100,27 @@ def test_a_start_stands_one_liar_of_three():
     liar = (rows.sensor == 0) & (rows.channel == RANGE)
     assert (one.best.own.weight[liar] < status.DOUBT).mean() > 0.9
     assert (one.best.own.weight[~liar] > status.DOUBT).mean() > 0.9
+
+
+def test_a_start_yields_to_a_better_one_until_it_has_explained_a_window():
+    """The first to speak sees the target the other way up, as two others soon contradict."""
+    model = state.build([A, RADAR, INS])
+    rows = small.to_rows(small.fly([A, RADAR, INS], 1.0), model)
+    rows.value[(rows.sensor == 0) & (rows.channel == ELEVATION)] *= -1.0
+    small.start.places(rows, model.offset, model.rotation, model.is_ins, np.nan, 0)
+    one, seen = Bank(Workspace(model, PSD), NOTHING), 3
+    assert one.begin(Rows(*(column[:seen] for column in rows)))
+    assert off(one, Rows(*(column[:seen] for column in rows)))[1] > 100.0
+    for end in (6, 20, 60, len(rows.t)):
+        fresh = outcome(end - seen)
+        fresh.weight[:] = 1.0
+        one.best.own = Outcome(*(np.concatenate(both) for both in zip(one.best.own, fresh, strict=True)))
+        seen, part = end, Rows(*(column[:end] for column in rows))
+        found, _ = one.redecide(part, 0)
+    assert one.best.young
+    assert off(one, part)[1] < 3.0
+    one.best.commit(part, seen // 2, found, 0.5)
+    assert not one.best.young
 
 
 @pytest.mark.xfail(
@@ -234,6 +255,14 @@ def test_a_manoeuvre_is_followed_and_nobody_refused_for_it(acceleration):
     assert (one.best.own.weight[rows.sensor > 0] > status.DOUBT).mean() > 0.95
 
 
+def test_a_manoeuvre_begins_before_it_is_seen():
+    one, rows = later([INS, A, B, RADAR])
+    seen = rows.t[-1] - 200_000_000
+    one.best.own.weight[:] = rows.t < seen
+    begin = one._onset(rows)
+    assert rows.t[begin] == rows.t[rows.t >= rows.t[rows.t >= seen][0] - bank.LEAD_NS][0]
+
+
 def test_a_restart_keeps_what_is_known_of_an_instruments_errors():
     sensors = [A._replace(estimate=("bias",)), B, RADAR]
     one, _rows = later(sensors)
@@ -255,14 +284,6 @@ def trial(at, sigma=1.0):
     """A hypothesis, as far as doubt looks at it."""
     return SimpleNamespace(
         head=SimpleNamespace(x=np.append(np.array(at, float), np.zeros(6)), P=np.eye(9) * sigma**2)
-def test_a_manoeuvre_begins_before_it_is_seen():
-    one, rows = later([INS, A, B, RADAR])
-    seen = rows.t[-1] - 200_000_000
-    one.best.own.weight[:] = rows.t < seen
-    begin = one._onset(rows)
-    assert rows.t[begin] == rows.t[rows.t >= rows.t[rows.t >= seen][0] - bank.LEAD_NS][0]
-
-
     )
 
 
