@@ -81,6 +81,22 @@ def _add_noise(P, dt, psd):
 
 
 @kernel
+def drift(P, psd, i, dt):
+    """Variance by which entry ``i`` of position, velocity, acceleration leaves what is expected in ``dt``.
+
+    Of its rate, as unsure as in ``P``, and of the noise of `predict`; axes by themselves.
+    """
+    jerk, push = (psd[1], psd[3]) if i % 3 == 2 else (psd[0], psd[2])
+    d2 = dt * dt
+    if i < 3:
+        rate = P[i + 3, i + 3] + dt * P[i + 3, i + 6] + 0.25 * d2 * P[i + 6, i + 6]
+        return d2 * rate + jerk * d2 * d2 * dt / 20 + push * d2 * dt / 3
+    if i < 6:
+        return d2 * P[i + 3, i + 3] + jerk * d2 * dt / 3 + push * dt
+    return jerk * dt
+
+
+@kernel
 def score(r, N, dt, psd, slope, information):
     """Add what one step of ``dt`` says about the logarithm of each density, to ``slope, information`` (4,).
 

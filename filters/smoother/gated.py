@@ -56,8 +56,8 @@ def admit(
     """Filter rows epoch by epoch, in place; stops after the first epoch from ``quiet_ns`` on that surprises.
 
     Where a row of an epoch looks wrong, those that agree best with the prediction go first and sharpen it
-    for the rest: the sensors vote at the same instant. ``memory`` (s, 13, 6) are the statuses so far, see
-    `status.filtered`. Rows of sensor ``excluded`` get no weight. What happened goes into ``to``, `Told`.
+    for the rest: the sensors vote at the same instant. ``memory`` (s, 13, MEMORY) are the statuses so far,
+    see `status.filtered`. Rows of sensor ``excluded`` get no weight. What happened goes into ``to``, `Told`.
     Returns (rows taken, epochs, the surprise reached).
     """
     count, epoch, i = len(rows.t), 0, 0
@@ -82,7 +82,7 @@ def admit(
             v, variance = predict_row(model, rows, k, x, P, psd, out, 0, work)
             noise = own.noise[k]
             sigma = np.sqrt(variance + noise)
-            w, likelihood = weigh(rule, memory[s, c], v, sigma, noise)
+            w, likelihood = weigh(rule, memory[s, c], v, sigma, noise, t_ns)
             if s == excluded:
                 w = 0.0
             else:
@@ -106,10 +106,10 @@ def admit(
 
 
 @njit(cache=True)
-def weigh(rule, memory, v, sigma, noise):
-    """Weight of a row at first sight and its log likelihood; its channel's ``memory`` (5,) moves on."""
+def weigh(rule, memory, v, sigma, noise, t_ns):
+    """Weight of a row at first sight and its log likelihood; its channel's ``memory`` (MEMORY,) moves on."""
     if rule.kind == STATUS:
-        w, likelihood = filtered(memory, v, sigma, noise)
+        w, likelihood = filtered(memory, v, sigma, noise, t_ns)
         return (w if w > NEGLIGIBLE else 0.0), likelihood
     w, likelihood = igg(v / sigma, rule.soft, rule.hard), max(log_good(v, sigma), log_gross(v, sigma))
     memory[3] = memory[3] + 1.0 if w < 1.0 else 0.0  # consecutive outliers

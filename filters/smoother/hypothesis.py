@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from filters.models.state import Model, scratch
-from filters.smoother import adaptation, gated, passes, status
+from filters.smoother import adaptation, gated, passes, runs, status
 from filters.smoother.buffer import Outcome, Rows, outcome
 
 SETTLED = 0.05  # a change of weight that is no change
@@ -27,7 +27,7 @@ class Moment(NamedTuple):
     t_ns: int
     x: np.ndarray  # (n,)
     P: np.ndarray  # (n, n)
-    memory: np.ndarray  # (s, 13, 6) see status.filtered
+    memory: np.ndarray  # (s, 13, MEMORY) see status.filtered
 
     def copy(self) -> "Moment":
         return Moment(self.t_ns, self.x.copy(), self.P.copy(), self.memory.copy())
@@ -126,11 +126,13 @@ class Hypothesis:
         """As `settle`, but what was decided at first sight stays: for the methods that have no window."""
         head, own = self.head, self.own
         first_sight = own.residual.copy(), own.sigma.copy(), own.nis.copy()
-        found = self._smooth(rows, keep)
+        found, out = self._smooth(rows, keep), self.space.trace
         own.residual[:], own.sigma[:], own.nis[:] = first_sight
-        self.head = head
+        self.head, count = head, len(rows.t)
+        out.v[:count], out.S[:count], out.moved[:count] = own.residual, own.sigma**2, 0.0
+        out.fresh[:count] = runs.FRESH * (own.sigma**2 - own.noise)
         self.log_evidence, self.shortfall = status.log_evidence(
-            rows, own, own.residual, own.sigma**2, status.fresh_memory(len(self.anchor.memory)), self.excluded
+            rows, own, out, status.fresh_memory(len(self.anchor.memory)), self.excluded
         )
         return found
 
@@ -148,9 +150,8 @@ class Hypothesis:
         return found
 
     def _weigh_evidence(self, rows: Rows) -> None:
-        out = self.space.trace
         self.log_evidence, self.shortfall = status.log_evidence(
-            rows, self.own, out.v, out.S, self.anchor.memory.copy(), self.excluded
+            rows, self.own, self.space.trace, self.anchor.memory.copy(), self.excluded
         )
         self.log_evidence += adaptation.log_prior(self.psd, self.usual_psd)
 

@@ -12,10 +12,11 @@ from typing import NamedTuple
 import numpy as np
 
 from filters.models.kernel import kernel
-from filters.models.motion import CORE, predict, pull_back, score
+from filters.models.motion import CORE, drift, predict, pull_back, score
 from filters.models.rows import VE
 from filters.models.state import SLOTS, predict_row
 from filters.models.update import update
+from filters.smoother.runs import FRESH
 
 CLIPPED = 3.0  # sigmas that a refused value counts for in its channel's noise
 
@@ -29,6 +30,9 @@ class Trace(NamedTuple):
     m: np.ndarray  # (k, n) P h
     v: np.ndarray  # (k,) innovation
     S: np.ndarray  # (k,) its variance at full weight
+    at: np.ndarray  # (k, n) the state before the row
+    moved: np.ndarray  # (k,) by which updates have moved its prediction since its channel's row before
+    fresh: np.ndarray  # (k,) variance by which the motion may have since then
     x: np.ndarray  # (e, n) at the first row of each epoch: state before it, after the pass back smoothed
     P: np.ndarray  # (e, n, n) the same for the covariance; fewer entries keep fewer rows' epochs
 
@@ -50,6 +54,9 @@ def trace(rows: int, n: int, keep: int) -> Trace:
         m=f((rows, n)),
         v=f(rows),
         S=f(rows),
+        at=f((rows, n)),
+        moved=f(rows),
+        fresh=f(rows),
         x=f((max(keep, 1), n)),
         P=f((max(keep, 1), n, n)),
     )
@@ -80,9 +87,44 @@ def forward(model, rows, own, densities, x, P, t_ns, keep, out, work):
                         out.P[k, a, b] = P[a, b]
         v, variance = predict_row(model, rows, k, x, P, psd, out, k, work)
         out.v[k], out.S[k] = v, variance + own.noise[k]
+        out.moved[k], out.fresh[k] = _since_last(model, rows, k, x, P, psd, variance, out)
         if own.weight[k] > 0.0:
             update(x, P, out.m[k], v, variance + own.noise[k] / own.weight[k])
     return t_ns
+
+
+@kernel
+def _since_last(model, rows, k, x, P, psd, variance, out):
+    """What happened to the prediction of row ``k``, of ``variance``, since its channel's row before.
+
+    (by how much updates have moved it, variance by which the motion may have gone elsewhere): with
+    h the row's gradient and F, Q of `predict`, hᵀ(x − F x₋), and entry by entry hᵀ((F − I) P (F − I)ᵀ + Q) h.
+    The innovation of a value that stays off by a constant falls by the one, give or take the other.
+    """
+    n, j = x.size, k - 1
+    for a in range(n):
+        out.at[k, a] = x[a]
+    while j >= 0 and (rows.channel[j] != rows.channel[k] or rows.sensor[j] != rows.sensor[k]):
+        j -= 1
+    if j < 0:
+        return 0.0, FRESH * variance
+    dt = (rows.t[k] - rows.t[j]) * 1e-9
+    half, moved, fresh = 0.5 * dt * dt, 0.0, 0.0
+    for p in range(out.count[k]):
+        a, g = out.index[k, p], out.gain[k, p]
+        before, unsure = out.at[j, a], 0.0
+        if a < 3:
+            before += dt * out.at[j, a + 3] + half * out.at[j, a + 6]
+        elif a < 6:
+            before += dt * out.at[j, a + 3]
+        elif a >= CORE:
+            before *= np.exp(-model.rate[a] * dt)
+            unsure = model.prior[a] * (1.0 - np.exp(-2.0 * model.rate[a] * dt))
+        moved += g * (x[a] - before)
+        if a < CORE:
+            unsure = drift(P, psd, a, dt)
+        fresh += g * g * unsure
+    return moved, fresh
 
 
 @kernel

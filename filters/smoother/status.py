@@ -5,11 +5,7 @@ s² (d² of the prediction, R of its own noise) is the observation:
 
     GOOD      N(r; 0, s²)
     ISOLATED  Cauchy(r; WIDTH s): a gross error of no particular size; so is the first row of a run
-    RUN       N(r; level, V + R), or erratic: the same Cauchy. A run goes on at its level, a random walk that
-              is followed with its variance V row by row, all paths of the chain merged (as in GPB1:
-              Bar-Shalom et al. 2001, 11.6.3). It moves by FRESH d² + (SPREAD level)²: rows of a channel that
-              is not used share most of the prediction's error. Nearer than LEAST √R it is no run: errors
-              that are merely correlated, as an INS's are, make none
+    RUN       a run goes on as it was: see `runs`
 
 `log_evidence` takes innovations, so it is the likelihood of the rows one after the other. `posterior` is the
 forward-backward algorithm (Rabiner 1989, *A tutorial on hidden Markov models*) on deletion residuals; the
@@ -24,6 +20,7 @@ from numba import njit
 
 from filters.models.kernel import exact
 from filters.models.rows import CHANNELS, DEWEIGHTED, ISOLATED, PATCH, USED
+from filters.smoother import runs
 
 P_OUTLIER = 0.005  # of an outlier after a good row, in a channel that behaves
 P_WORST = 0.2  # … and in the worst one: beyond that nobody can tell
@@ -34,13 +31,10 @@ GROSS_COST, RUN_COST = 4.0, 2.0  # log likelihood by which an outlier of usual s
 NEWEST_NS = 250_000_000  # what goes wrong begins in the newest rows
 MEMORY_ROWS = 50.0  # over so many rows the share of outliers of a channel is learned
 WIDTH = 10.0  # sigmas: half of all gross errors are larger
-SPREAD = 0.1  # share of its level by which the errors of a run differ
-FRESH = 0.1  # of the variance of the prediction by all others is new from row to row
-LEAST = 3.0  # sigmas of its own noise by which the rows of a run are off
-ERRATIC = 0.1  # of the rows of a run are anywhere
 DOUBT = 0.1  # a row less likely good than this is an outlier
 SURE = 0.95  # … and one so likely good is simply used
 NEGLIGIBLE = 1e-3  # a smaller probability of being good is none
+LONGEST_S = 1e3  # between two rows of a channel: beyond, nothing is known of a run
 PATCH_ROWS = 3  # so many consecutive outliers of a channel are called a patch
 
 REASONS = (
@@ -72,58 +66,33 @@ def log_gross(r, s):
 
 
 @exact
-def log_run(r, s, noise, level, variance):
-    """Log density of a further row, of own variance ``noise``, of a run at ``level`` ± √``variance``."""
-    moved = max(variance + _wander(s, noise, level), 1e-12 * noise)  # before a first run it is nothing
-    gross, near = math.exp(log_gross(r, s)), math.exp(log_good(r - level, math.sqrt(noise + moved)))
-    offset = 0.5 * math.erfc((LEAST * math.sqrt(noise) - abs(level)) / math.sqrt(2.0 * moved))
-    return math.log(ERRATIC * gross + (1.0 - ERRATIC) * offset * near)
+def _advance(m, r, noise, fresh, good, gross, t_ns):
+    """Move a channel's ``m`` (MEMORY,) on by one row of residual ``r``, given its log densities.
 
-
-@exact
-def _wander(s, noise, level):
-    """Variance by which a run's level moves from row to row."""
-    return FRESH * (s * s - noise) + (SPREAD * level) ** 2
-
-
-@exact
-def _advance(m, r, s, noise, good, gross, run):
-    """Move a channel's ``m`` (6,) on by one row of residual ``r`` and 1-sigma ``s``, given its log densities.
-
-    Returns the log likelihood of the row.
+    ``fresh`` is the variance by which its prediction has gone wrong since the row before. Returns (log
+    likelihood of the row, log density of a run that goes on).
     """
+    seconds, m[runs.TIME] = min((t_ns - m[runs.TIME]) * 1e-9, LONGEST_S), t_ns
+    run, smooth = runs.log_run(m, r, noise, fresh, gross, seconds)
     top = max(good, gross, run)
-    settled, stay, p = m[0] + m[1], 1.0 - 1.0 / RUN_ROWS, m[4]
+    settled, stay, p = m[0] + m[1], 1.0 - 1.0 / RUN_ROWS, m[runs.CHANCE]
     wrong = settled * p * math.exp(gross - top)
     a = (settled * (1.0 - p) + m[2] * (1.0 - stay)) * math.exp(good - top)
     begun, gone_on = wrong * RUN_SHARE, m[2] * stay * math.exp(run - top)
     c = begun + gone_on
     total = a + wrong - begun + c
     if c > 0.0:
-        _follow_level(m, r, s, noise, begun / c)
+        runs.follow(m, r, noise, fresh, begun / c, smooth, seconds)
     m[0], m[1], m[2] = a / total, (wrong - begun) / total, c / total
-    return top + math.log(total)
+    return top + math.log(total), run
 
 
 @exact
-def _follow_level(m, r, s, noise, fresh):
-    """The level of a run, and its variance, after residual ``r``; ``fresh`` P(the run begins here)."""
-    before = m[5] + _wander(s, noise, m[3])
-    gain = before / (before + noise)
-    old, new = m[3] + gain * (r - m[3]), r
-    m[3] = fresh * new + (1.0 - fresh) * old
-    m[5] = fresh * (noise + (new - m[3]) ** 2) + (1.0 - fresh) * ((1.0 - gain) * before + (old - m[3]) ** 2)
-
-
-@exact
-def filtered(memory, r, s, noise):
-    """Move a channel's ``memory`` (6,) on by one row at first sight; returns (P(good), log likelihood).
-
-    ``memory`` is the probability of each status of its newest row, the level of its run, the probability of
-    an outlier after a good row, learned by `advance`, and the variance of the level.
-    """
-    good, gross, run = log_good(r, s), log_gross(r, s), log_run(r, s, noise, memory[3], memory[5])
-    likelihood = _advance(memory, r, s, noise, good, gross, run)
+def filtered(memory, r, s, noise, t_ns):
+    """Move a channel's ``memory`` (MEMORY,), see `runs`, on by one row; (P(good), its log likelihood)."""
+    likelihood, _ = _advance(
+        memory, r, noise, runs.FRESH * (s * s - noise), log_good(r, s), log_gross(r, s), t_ns
+    )
     return memory[0], likelihood
 
 
@@ -141,41 +110,41 @@ def expected(s, p):
 
 
 def fresh_memory(sensors: int) -> np.ndarray:
-    """(s, 13, 6) of channels that have said nothing yet."""
-    memory = np.zeros((sensors, len(CHANNELS), 6))
-    memory[..., 0], memory[..., 4] = 1.0, P_OUTLIER
+    """(s, 13, MEMORY) of channels that have said nothing yet."""
+    memory = np.zeros((sensors, len(CHANNELS), runs.MEMORY))
+    memory[..., 0], memory[..., runs.CHANCE] = 1.0, P_OUTLIER
     return memory
 
 
 @njit(cache=True)
 def advance(rows, own, memory):
-    """Move ``memory`` (s, 13, 6) past all rows by their residuals, in place, and learn from their weights."""
+    """Move ``memory`` (s, 13, MEMORY) past all rows by their residuals, in place, and learn from weights."""
     for k in range(len(rows.t)):
         m = memory[rows.sensor[k], rows.channel[k]]
         good = m[0]
-        filtered(m, own.residual[k], own.sigma[k], own.noise[k])
+        filtered(m, own.residual[k], own.sigma[k], own.noise[k], rows.t[k])
         if good > DOUBT:
-            m[4] += ((1.0 if own.weight[k] < 0.5 else 0.0) - m[4]) / MEMORY_ROWS
-            m[4] = min(max(m[4], P_OUTLIER), P_WORST)
+            m[runs.CHANCE] += ((1.0 if own.weight[k] < 0.5 else 0.0) - m[runs.CHANCE]) / MEMORY_ROWS
+            m[runs.CHANCE] = min(max(m[runs.CHANCE], P_OUTLIER), P_WORST)
 
 
 @njit(cache=True)
 def posterior(rows, own, memory, closed):
     """P(good) of each of the k rows into ``own.weight`` (k,), all rows of its channel considered.
 
-    ``own`` is a `buffer.Outcome` with deletion residuals and their 1-sigma. ``memory`` (s, 13, 6) as before
-    the first row; moved on in place to what it is after the last one. Rows that are ``closed`` (k,) get no
-    weight. Returns the largest change of a weight.
+    ``own`` is a `buffer.Outcome` with deletion residuals and their 1-sigma. ``memory`` (s, 13, MEMORY) as
+    before the first row; moved on in place to what it is after the last one. Rows that are ``closed`` (k,)
+    get no weight. Returns the largest change of a weight.
     """
     count, stay = len(rows.t), 1.0 - 1.0 / RUN_ROWS
     like, chance = np.empty((count, 3)), np.empty((count, 3))
     for k in range(count):
         m = memory[rows.sensor[k], rows.channel[k]]
         r, s, noise = own.residual[k], own.sigma[k], own.noise[k]
-        good, gross, run = log_good(r, s), log_gross(r, s), log_run(r, s, noise, m[3], m[5])
+        good, gross = log_good(r, s), log_gross(r, s)
+        _, run = _advance(m, r, noise, runs.FRESH * (s * s - noise), good, gross, rows.t[k])
         top = max(good, gross, run)
         like[k, 0], like[k, 1], like[k, 2] = math.exp(good - top), math.exp(gross - top), math.exp(run - top)
-        _advance(m, r, s, noise, good, gross, run)
         chance[k] = m[:3]
     later = np.ones((memory.shape[0], memory.shape[1], 3))
     change = 0.0
@@ -187,7 +156,7 @@ def posterior(rows, own, memory, closed):
             good = 0.0
         change = max(change, abs(good - own.weight[k]))
         own.weight[k] = good
-        p = memory[rows.sensor[k], rows.channel[k], 4]
+        p = memory[rows.sensor[k], rows.channel[k], runs.CHANCE]
         fits, wrong, goes_on = like[k, 0] * b[0], like[k, 1], like[k, 2] * b[2]
         settled = (1.0 - p) * fits + p * wrong * ((1.0 - RUN_SHARE) * b[1] + RUN_SHARE * b[2])
         b[0], b[1], b[2] = settled, settled, (1.0 - stay) * fits + stay * goes_on
@@ -196,13 +165,14 @@ def posterior(rows, own, memory, closed):
 
 
 @njit(cache=True)
-def log_evidence(rows, own, v, S, memory, excluded):
+def log_evidence(rows, own, out, memory, excluded):
     """Log likelihood of k rows under their statuses, and what a model that is right would expect of it.
 
-    Forward algorithm per channel, every row by its innovation ``v`` (k,) of variance ``S`` (k,). ``memory``
-    (s, 13, 6) as before the first row; moved on in place. All rows count, whatever a hypothesis leaves out,
-    so that hypotheses compare. Returns (log evidence, shortfall):
-    what a right model would expect more, in its standard deviations, of all rows or of the newest.
+    Forward algorithm per channel, every row by its innovation. ``out`` is the `passes.Trace` of the pass
+    forward: what that has learned since a channel's row before moves the level of the channel's run.
+    ``memory`` (s, 13, MEMORY) as before the first row; moved on in place. All rows count, whatever a
+    hypothesis leaves out, so that hypotheses compare. Returns (log evidence, shortfall): what a
+    right model would expect more, in its standard deviations, of all rows or of the newest.
     """
     total = due = spread = 0.0
     newest = 0.0, 0.0, 0.0
@@ -211,17 +181,18 @@ def log_evidence(rows, own, v, S, memory, excluded):
         if rows.t[k] <= since:
             newest = total, due, spread
         m = memory[rows.sensor[k], rows.channel[k]]
-        w, noise, sigma = own.weight[k], own.noise[k], math.sqrt(S[k])
+        w, noise, v, S = own.weight[k], own.noise[k], out.v[k], out.S[k]
+        sigma = math.sqrt(S)
         good = -1e3
         if rows.sensor[k] != excluded:
-            good = log_good(v[k], math.sqrt(S[k] + (noise / w - noise if w > 0.0 else 0.0)))
-        gross, run = log_gross(v[k], sigma), log_run(v[k], sigma, noise, m[3], m[5])
-        likelihood = _advance(m, v[k], sigma, noise, good, gross, run)
+            good = log_good(v, math.sqrt(S + (noise / w - noise if w > 0.0 else 0.0)))
+        runs.move(m, out.moved[k])
+        likelihood, _ = _advance(m, v, noise, out.fresh[k], good, log_gross(v, sigma), rows.t[k])
         total += likelihood
         if rows.sensor[k] == excluded:  # nothing is expected of them
             due += likelihood
         else:
-            mean, variance = expected(sigma, m[4])
+            mean, variance = expected(sigma, m[runs.CHANCE])
             due += mean
             spread += variance
     whole = (due - total) / math.sqrt(max(spread, 1.0))

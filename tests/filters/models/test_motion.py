@@ -36,6 +36,14 @@ def test_predict_equals_van_loan(dt):
     assert np.array_equal(spread[:CORE, :CORE], spread[:CORE, :CORE].T)
 
 
+@pytest.mark.parametrize("dt", STEPS[:4])
+def test_drift_is_the_variance_of_what_nobody_expects(dt):
+    _, P = some_state(3)
+    F, Q = small.transition(dt, small.PSD, MODEL)
+    expected = np.diag((F - np.eye(N)) @ P @ (F - np.eye(N)).T + Q)
+    assert [motion.drift(P, small.PSD, i, dt) for i in range(CORE)] == pytest.approx(expected[:CORE])
+
+
 @pytest.mark.parametrize("dt", STEPS)
 def test_the_noise_is_a_covariance(dt):
     P = np.zeros((N, N))

@@ -93,18 +93,23 @@ def test_an_update_at_first_sight_is_the_filters_own():
 @pytest.mark.parametrize("u", [0.5, 1.4, 3.0, 6.0, 9.0])
 def test_igg_weighs_by_the_innovation(u):
     memory = np.zeros(5)
-    w, _ = gated.weigh(gated.Rule(gated.IGG, 1.5, 8.5), memory, 2.0 * u, 2.0, 1.0)
+    w, _ = gated.weigh(gated.Rule(gated.IGG, 1.5, 8.5), memory, 2.0 * u, 2.0, 1.0, 0)
     assert w == weight(u, 1.5, 8.5)
 
 
 def test_a_gate_takes_all_or_nothing():
     gate = gated.Rule(gated.IGG, 4.0, 4.0)
-    assert [gated.weigh(gate, np.zeros(5), v, 1.0, 1.0)[0] for v in (3.9, -3.9, 4.1, -50.0)] == [1, 1, 0, 0]
+    assert [gated.weigh(gate, np.zeros(5), v, 1.0, 1.0, 0)[0] for v in (3.9, -3.9, 4.1, -50.0)] == [
+        1,
+        1,
+        0,
+        0,
+    ]
 
 
 def test_m1_refuses_the_third_doubtful_row_in_a_row_entirely():
     rule, memory = gated.Rule(gated.M1, 4.0, 8.0), np.zeros(5)
-    seen = [gated.weigh(rule, memory, v, 1.0, 1.0)[0] for v in (5, 5, 5, 5, 1, 5)]
+    seen = [gated.weigh(rule, memory, v, 1.0, 1.0, 0)[0] for v in (5, 5, 5, 5, 1, 5)]
     part = weight(5.0, 4.0, 8.0)
     assert seen == [part, part, 0.0, 0.0, 1.0, part]
 
@@ -132,7 +137,7 @@ def test_by_status_the_weight_is_the_filtered_probability():
     rows = small.as_rows([(0.1 * k, 0, E, v) for k, v in enumerate([0.0, 0.2, 9.0, 9.1, 0.1])], model)
     *_, own, _ = admit(model, rows, x, P, memory)
     for k in range(5):
-        w, _ = status.filtered(other, own.residual[k], own.sigma[k], own.noise[k])
+        w, _ = status.filtered(other, own.residual[k], own.sigma[k], own.noise[k], rows.t[k])
         assert own.weight[k] == pytest.approx(w if w > status.NEGLIGIBLE else 0.0, abs=1e-7)
     assert memory[0, E] == pytest.approx(other)
 

@@ -6,7 +6,7 @@ import pytest
 from filters.models import state
 from filters.models.motion import CORE
 from filters.models.rows import E
-from filters.smoother import passes
+from filters.smoother import passes, runs
 from tests.filters.smoother.kit import small
 
 pytestmark = pytest.mark.decision
@@ -160,6 +160,23 @@ def test_expected_information_is_positive_and_never_more_than_fishers():
         mine = rows.channel == c
         full = fisher(*(covariance(small.PSD, own.noise * np.exp(sign * h * mine)) for sign in (1, -1)))
         assert 0.0 < found.noise[1, 0, c] <= full * (1 + 1e-6)
+
+
+def test_what_has_moved_a_prediction_is_what_others_said_since():
+    """Innovations of a channel that is not used differ by it, and by what the target does."""
+    model, rows, x, P, H = small.linear_case(8)
+    _, out, *_ = both(model, rows, x, P, 1.0)
+    for k, c in enumerate(rows.channel):
+        before = np.flatnonzero(rows.channel[:k] == c)
+        if not len(before):
+            assert out.moved[k] == 0.0
+            assert out.fresh[k] == pytest.approx(runs.FRESH * (out.S[k] - rows.stated[k]))
+            continue
+        F, _ = small.transition((rows.t[k] - rows.t[before[-1]]) * 1e-9, small.PSD, model)
+        assert out.moved[k] == pytest.approx(H[k] @ (out.at[k] - F @ out.at[before[-1]]))
+        assert out.fresh[k] > 0.0
+    untouched = both(model, rows, x, P, 0.0)[1]
+    assert untouched.moved == pytest.approx(0.0, abs=1e-9)
 
 
 def test_a_regime_drives_the_motion_on_the_way_to_its_rows():

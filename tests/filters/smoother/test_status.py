@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.stats import cauchy, norm
 
 from filters.models.rows import AZIMUTH, RANGE
-from filters.smoother import passes, status
+from filters.smoother import passes, runs, status
 from filters.smoother.buffer import Rows
 from tests.filters.smoother.kit import small
 from tests.filters.smoother.test_passes import both
@@ -17,39 +17,28 @@ from tests.filters.smoother.test_passes import both
 pytestmark = pytest.mark.decision
 
 GOOD, GROSS, RUN = range(3)
+STEP_NS = 50_000_000
 
 
-def log_densities(r, s, noise, level, variance):
-    """(3,) good, gross, a run that goes on, by the module's text."""
-    moved = variance + status.FRESH * (s**2 - noise) + (status.SPREAD * level) ** 2
-    gross, near = cauchy.logpdf(r, 0, status.WIDTH * s), norm.logpdf(r, level, np.sqrt(moved + noise))
-    offset = norm.cdf((abs(level) - status.LEAST * np.sqrt(noise)) / np.sqrt(moved))
-    run = np.log(status.ERRATIC * np.exp(gross) + (1 - status.ERRATIC) * offset * np.exp(near))
-    return np.array([norm.logpdf(r, 0, s), gross, run])
+def levels(r, s, noise, memory, weighed=None, t_ns=None):
+    """(k, 3) log densities of the rows: good, gross, and a run that goes on.
 
-
-def levels(r, s, noise, memory, weighed=None):
-    """(k, 3) log densities of the rows, the level of the run followed by the mean of all paths up to each.
-
+    The run is followed by the mean of all paths up to each row; what it does is tested with the runs.
     ``weighed`` (k,): log densities of a good row, where they are others.
     """
-    A, chance, level, variance = transition(memory[4]), memory[:3], memory[3], memory[5]
-    out = []
+    A, chance, m, out = transition(memory[runs.CHANCE]), memory[:3], memory.copy(), []
     for k in range(len(r)):
-        like = log_densities(r[k], s[k], noise[k], level, variance)
-        if weighed is not None:
-            like[GOOD] = weighed[k]
+        gross, fresh = cauchy.logpdf(r[k], 0, status.WIDTH * s[k]), runs.FRESH * (s[k] ** 2 - noise[k])
+        seconds = (t_ns[k] - m[runs.TIME]) * 1e-9
+        run, smooth = runs.log_run(m, r[k], noise[k], fresh, gross, seconds)
+        like = np.array([norm.logpdf(r[k], 0, s[k]) if weighed is None else weighed[k], gross, run])
         out.append(like)
         good, gross, on = np.exp(like)
         begun, gone_on = (chance[GOOD] + chance[GROSS]) * A[GOOD, RUN] * gross, chance[RUN] * A[RUN, RUN] * on
         chance = np.array([chance @ A[:, GOOD] * good, chance @ A[:, GROSS] * gross, begun + gone_on])
         chance = chance / chance.sum()
-        before = variance + status.FRESH * (s[k] ** 2 - noise[k]) + (status.SPREAD * level) ** 2
-        after = 1.0 / (1.0 / before + 1.0 / noise[k]) if before else 0.0
-        means = np.array([r[k], level + after / noise[k] * (r[k] - level)])
-        share = np.array([begun, gone_on]) / (begun + gone_on)
-        level = share @ means
-        variance = share @ (np.array([noise[k], after]) + (means - level) ** 2)
+        runs.follow(m, r[k], noise[k], fresh, begun / (begun + gone_on), smooth, seconds)
+        m[runs.TIME] = t_ns[k]
     return np.array(out)
 
 
@@ -59,10 +48,10 @@ def transition(p):
     return np.array([settled, settled, [1 - stay, 0.0, stay]])
 
 
-def enumerate_paths(r, s, noise, memory, weighed=None):
+def enumerate_paths(r, s, noise, memory, t_ns, weighed=None):
     """(k, 3) posterior of each row, log evidence, over all paths; a run's first row is a gross error."""
-    A, chance = transition(memory[4]), memory[:3]
-    like = np.exp(levels(r, s, noise, memory, weighed))
+    A, chance = transition(memory[runs.CHANCE]), memory[:3]
+    like = np.exp(levels(r, s, noise, memory, weighed, t_ns))
     posterior, total = np.zeros((len(r), 3)), 0.0
     for first in range(3):
         for path in itertools.product(range(3), repeat=len(r)):
@@ -79,7 +68,12 @@ def case(channels, seed, outliers=()):
     """(rows, own, memory) of an instrument's residuals, ``outliers`` (row, sigmas)."""
     rng, k = np.random.default_rng(seed), len(channels)
     rows = Rows(
-        np.arange(k), np.zeros(k, "i2"), np.array(channels, "i1"), np.zeros(k), np.ones(k), np.zeros((k, 3))
+        STEP_NS * np.arange(k),
+        np.zeros(k, "i2"),
+        np.array(channels, "i1"),
+        np.zeros(k),
+        np.ones(k),
+        np.zeros((k, 3)),
     )
     own = small.fresh(rows)
     own.noise[:], own.weight[:] = rng.uniform(0.5, 1.0, k), 0.5
@@ -88,7 +82,8 @@ def case(channels, seed, outliers=()):
     for i, size in outliers:
         own.residual[i] = size * own.sigma[i]
     memory = status.fresh_memory(1)
-    memory[0, :, :3], memory[0, :, 3:] = rng.dirichlet([5, 1, 1]), (rng.normal(), 0.04, 0.5)
+    memory[0, :, :3] = rng.dirichlet([5, 1, 1])
+    memory[0, :, 3:] = (rng.normal(), 0.04, 0.5, 0.4, rng.normal(), 3.0, 0.6, 0.1, 50.0, -STEP_NS)
     return rows, own, memory
 
 
@@ -118,7 +113,9 @@ def test_posterior_is_that_of_all_paths(name, seed):
     largest = 0.0
     for c in set(channels):
         mine = rows.channel == c
-        expected, _ = enumerate_paths(own.residual[mine], own.sigma[mine], own.noise[mine], before[0, c])
+        expected, _ = enumerate_paths(
+            own.residual[mine], own.sigma[mine], own.noise[mine], before[0, c], rows.t[mine]
+        )
         good = np.where(expected[:, GOOD] < status.NEGLIGIBLE, 0.0, expected[:, GOOD])
         assert own.weight[mine] == pytest.approx(good, abs=1e-6)  # float32
         assert memory[0, c, :3] == pytest.approx(expected[-1], abs=1e-9)
@@ -133,11 +130,13 @@ def test_filtered_is_the_forward_half(name):
     start = memory.copy()
     total = {c: 0.0 for c in set(channels)}
     for k, c in enumerate(channels):
-        good, log_likelihood = status.filtered(memory[0, c], own.residual[k], own.sigma[k], own.noise[k])
+        good, log_likelihood = status.filtered(
+            memory[0, c], own.residual[k], own.sigma[k], own.noise[k], rows.t[k]
+        )
         total[c] += log_likelihood
         mine = np.flatnonzero(rows.channel[: k + 1] == c)
         expected, log_total = enumerate_paths(
-            own.residual[mine], own.sigma[mine], own.noise[mine], start[0, c]
+            own.residual[mine], own.sigma[mine], own.noise[mine], start[0, c], rows.t[mine]
         )
         assert good == pytest.approx(expected[-1, GOOD], abs=1e-6)
         assert total[c] == pytest.approx(log_total, rel=1e-6)
@@ -167,13 +166,13 @@ def test_the_share_of_outliers_is_learned_up_and_down_within_bounds():
         for _ in range(30):
             rows, own = told_weights([weight] * 10)
             status.advance(rows, own, memory)
-            seen.append(memory[0, RANGE, 4])
+            seen.append(memory[0, RANGE, runs.CHANCE])
     up, down = np.array(seen[:30]), np.array(seen[30:])
     assert (np.diff(up) >= 0).all()
     assert up[-1] == pytest.approx(status.P_WORST)
     assert (np.diff(down) <= 0).all()
     assert down[-1] == pytest.approx(status.P_OUTLIER)
-    assert memory[0, AZIMUTH, 4] == status.P_OUTLIER  # of that channel alone
+    assert memory[0, AZIMUTH, runs.CHANCE] == status.P_OUTLIER  # of that channel alone
 
 
 def test_one_step_of_learning_is_the_mean_over_the_memory():
@@ -181,7 +180,7 @@ def test_one_step_of_learning_is_the_mean_over_the_memory():
     rows, own = told_weights([0.0])
     status.advance(rows, own, memory)
     p = status.P_OUTLIER
-    assert memory[0, RANGE, 4] == pytest.approx(p + (1 - p) / status.MEMORY_ROWS)
+    assert memory[0, RANGE, runs.CHANCE] == pytest.approx(p + (1 - p) / status.MEMORY_ROWS)
 
 
 def test_a_run_is_learned_from_once():
@@ -191,7 +190,7 @@ def test_a_run_is_learned_from_once():
     own.sigma[:], own.noise[:] = 1.0, 1.0
     status.advance(rows, own, memory)
     p = status.P_OUTLIER
-    assert memory[0, RANGE, 4] == pytest.approx(p + (1 - p) / status.MEMORY_ROWS)
+    assert memory[0, RANGE, runs.CHANCE] == pytest.approx(p + (1 - p) / status.MEMORY_ROWS)
 
 
 def test_advance_moves_the_statuses_as_at_first_sight():
@@ -200,10 +199,10 @@ def test_advance_moves_the_statuses_as_at_first_sight():
     own.weight[:] = 1.0
     status.advance(rows, own, memory)
     for k in range(5):
-        p = other[0, RANGE, 4]
+        p = other[0, RANGE, runs.CHANCE]
         good = other[0, RANGE, 0] > status.DOUBT
-        status.filtered(other[0, RANGE], own.residual[k], own.sigma[k], own.noise[k])
-        other[0, RANGE, 4] = max(status.P_OUTLIER, p - p / status.MEMORY_ROWS) if good else p
+        status.filtered(other[0, RANGE], own.residual[k], own.sigma[k], own.noise[k], rows.t[k])
+        other[0, RANGE, runs.CHANCE] = max(status.P_OUTLIER, p - p / status.MEMORY_ROWS) if good else p
     assert memory == pytest.approx(other)
 
 
@@ -214,8 +213,8 @@ def test_the_evidence_of_good_rows_is_their_joint_gaussian_density():
     model, rows, x, P, H = small.linear_case(7)
     own, out, *_ = both(model, rows, x, P, 1.0)
     memory = status.fresh_memory(1)
-    memory[..., 4] = 1e-300  # no outliers
-    total, *_ = status.log_evidence(rows, own, out.v, out.S, memory, -1)
+    memory[..., runs.CHANCE] = 1e-300  # no outliers
+    total, *_ = status.log_evidence(rows, own, out, memory, -1)
     dense = small.Dense(model, rows, x, P, small.PSD, H)
     assert total == pytest.approx(dense.log_density(own.noise), abs=1e-6)
 
@@ -229,8 +228,10 @@ def test_the_evidence_is_the_sum_over_all_paths():
     S = own.noise + np.linspace(0.5, 2.0, 6)
     spare = np.array([n / w - n if w else 0.0 for n, w in zip(own.noise, own.weight, strict=True)])
     good = norm.logpdf(v, 0, np.sqrt(S + spare))
-    _, expected = enumerate_paths(v, np.sqrt(S), own.noise, memory[0, RANGE], good)
-    found, *_ = status.log_evidence(rows, own, v, S, memory, -1)
+    _, expected = enumerate_paths(v, np.sqrt(S), own.noise, memory[0, RANGE], rows.t, good)
+    out = passes.trace(6, 9, 1)
+    out.v[:], out.S[:], out.fresh[:] = v, S, runs.FRESH * (S - own.noise)
+    found, *_ = status.log_evidence(rows, own, out, memory, -1)
     assert found == pytest.approx(expected, rel=1e-9)
 
 
@@ -238,8 +239,8 @@ def test_the_evidence_is_the_sum_over_all_paths():
 @given(st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=12), st.floats(1e-3, 1e3), st.floats(0.0, 1.0))
 def test_probabilities_of_the_statuses_sum_to_one(residuals, s, share):
     memory = status.fresh_memory(1)[0, 0]
-    for r in residuals:
-        good, log_likelihood = status.filtered(memory, r * s, s, share * s * s)
+    for k, r in enumerate(residuals):
+        good, log_likelihood = status.filtered(memory, r * s, s, share * s * s, k * STEP_NS)
         assert memory[:3].sum() == pytest.approx(1.0)
         assert 0.0 <= good <= 1.0
         assert np.isfinite(log_likelihood)
@@ -255,4 +256,4 @@ def test_a_trace_of_nothing():
     out = passes.trace(1, 9, 0)
     own = type(own)(*(column[:0] for column in own))
     assert status.posterior(none, own, memory, open_(none)) == 0.0
-    assert not any(status.log_evidence(none, own, out.v, out.S, memory, -1))
+    assert not any(status.log_evidence(none, own, out, memory, -1))
