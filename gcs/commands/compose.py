@@ -1,5 +1,6 @@
 """Puts the sinks of one run together: the record, the bus, the view, the terminal."""
 
+import json
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -9,6 +10,7 @@ import numpy as np
 
 from filters.correction.correction import off
 from gcs.commands.compiled import prepare
+from gcs.contract import messages
 from gcs.contract.config import Station
 from gcs.contract.frames import Frame, scene
 from gcs.contract.messages import Event, InputError, PartHealth
@@ -37,6 +39,14 @@ def open_bus(station: Station, **options: Any) -> "Bus":
     rates_hz = {"": said.rate_hz, **dict.fromkeys(("ins", "air"), said.ins_rate_hz)}
     settings: dict[str, Any] = {"mode": said.mode, "endpoint": said.endpoint, "media": media}
     return Bus.open(*names, **settings | {"tls": said.tls, "rates_hz": rates_hz} | options)
+
+
+def introduce(bus: "Bus", station: Station, frame: Frame) -> None:
+    """Tell whoever follows on the bus, now or later, what stands still and what the messages are like."""
+    still = scene(station, frame)
+    bus.publish("scene", still)
+    bus.serve("scene", lambda: messages.encode(still))
+    bus.serve("schema", lambda: (json.dumps(messages.schema()).encode(), messages.JSON))
 
 
 def open_view(

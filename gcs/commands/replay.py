@@ -8,7 +8,16 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from gcs.commands.compose import announcer, diary, new_session, open_bus, open_view, other_course, targets
+from gcs.commands.compose import (
+    announcer,
+    diary,
+    introduce,
+    new_session,
+    open_bus,
+    open_view,
+    other_course,
+    targets,
+)
 from gcs.commands.options import (
     Config,
     Correction,
@@ -70,6 +79,8 @@ def command(
     records: list[Record] = []
     with ExitStack() as stack:
         bus = stack.enter_context(open_bus(heard)) if publish else None
+        if bus:
+            introduce(bus, heard, frame)
         shown = open_view(heard, frame, playback, other) if view else None
         if shown:
             stack.callback(shown.close)

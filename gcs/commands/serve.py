@@ -1,7 +1,6 @@
 """The station live: bus, MAVLink link, session, record and view, opened and closed together."""
 
 import gc
-import json
 import logging
 import sys
 import threading
@@ -14,11 +13,11 @@ from typing import TYPE_CHECKING, Any
 
 from filters.correction.correction import off
 from gcs import __version__
-from gcs.commands.compose import diary, new_session, open_bus, open_view, targets
+from gcs.commands.compose import diary, introduce, new_session, open_bus, open_view, targets
 from gcs.commands.options import run_folder, seconds_of
 from gcs.contract import messages
 from gcs.contract.config import Station
-from gcs.contract.frames import origin_frame, scene
+from gcs.contract.frames import origin_frame
 from gcs.contract.messages import Event
 from gcs.contract.supervision import Backoff, Supervisor, brief, log
 from gcs.outputs import log as logbook
@@ -78,10 +77,7 @@ def serve(
         records: list[Sink] = [recorder, diary(folder, station)]
         session = new_session(station, frame, records, method, told, feeds, correction, supervisor.health)
         supervisor.others = session.supervise()
-        still = scene(station, frame)
-        bus.publish("scene", still)
-        bus.serve("scene", lambda: messages.encode(still))
-        bus.serve("schema", lambda: (json.dumps(messages.schema()).encode(), messages.JSON))
+        introduce(bus, station, frame)
         if station.mavlink.link:
             supervisor.start("mavlink", partial(_mavlink, station, Link(bus), recorder.link))
         if shown:

@@ -1,12 +1,15 @@
 """``gcs replay run.mcap``: the run as it was flown, or with another method, setting or station."""
 
+import contextlib
 import json
 import sys
 
 import numpy as np
 import pytest
 
+from gcs.commands import replay as replaying
 from gcs.commands.cli import main
+from gcs.contract import messages
 from gcs.outputs.recording import RunRecorder
 from gcs.station.session import Session
 from tests.gcs.station import made
@@ -92,3 +95,32 @@ def test_feeds_are_in_the_recording(replay):
     _, told = replay("--feed", "radar-1=radar-1.csv", code=2)
     assert "holds its feeds already" in told
     assert told.count("\n") == 1
+
+
+class FakeBus:
+    """Keeps what is told and what can be asked for."""
+
+    def __init__(self):
+        self.told, self.asked = {}, {}
+
+    def publish(self, subject, message, source=""):
+        self.told[subject] = message
+
+    def serve(self, subject, reply):
+        self.asked[subject] = reply
+
+
+def test_who_follows_a_replay_on_the_bus_is_told_the_scene(monkeypatch, tmp_path):
+    def run(_flight, session, _playback, **_):
+        session()
+        return {"complete": True}
+
+    bus = FakeBus()
+    monkeypatch.setattr(replaying, "open_bus", lambda _station: contextlib.nullcontext(bus))
+    monkeypatch.setattr(replaying.driver, "run", run)
+    sample = made.SAMPLE / "flight.tlog"
+    feeds = tuple(f"{name}={path}" for name, path in made.FEEDS.items())
+    replaying.command(sample, station=made.SAMPLE / "station.toml", feed=feeds, publish=True, out=tmp_path)
+    assert {one.name for one in bus.told["scene"].instruments} == set(made.FEEDS)
+    assert messages.decode(*bus.asked["scene"]()) == bus.told["scene"]
+    assert "schema" in bus.asked
