@@ -12,8 +12,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from filters.models import runs
 from filters.models.state import Model, scratch
-from filters.smoother import adaptation, gated, passes, runs, status
+from filters.smoother import adaptation, gated, passes, status
 from filters.smoother.buffer import Outcome, Rows, outcome
 
 SETTLED = 0.05  # a change of weight that is no change

@@ -14,9 +14,9 @@ import numpy as np
 from filters.models.kernel import kernel
 from filters.models.motion import CORE, drift, predict, pull_back, score
 from filters.models.rows import VE
+from filters.models.runs import FRESH
 from filters.models.state import SLOTS, predict_row
 from filters.models.update import update
-from filters.smoother.runs import FRESH
 
 CLIPPED = 3.0  # sigmas that a refused value counts for in its channel's noise
 

@@ -18,9 +18,9 @@ import math
 import numpy as np
 from numba import njit
 
+from filters.models import runs
 from filters.models.kernel import exact
 from filters.models.rows import CHANNELS, DEWEIGHTED, ISOLATED, PATCH, USED
-from filters.smoother import runs
 
 P_OUTLIER = 0.005  # of an outlier after a good row, in a channel that behaves
 P_WORST = 0.2  # … and in the worst one: beyond that nobody can tell

@@ -1,7 +1,6 @@
 """The bank: first states, challengers that win and that lose, doubt."""
 
 import itertools
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,7 +9,7 @@ from filters.models import state
 from filters.models.motion import PSD
 from filters.models.rows import AZIMUTH, ELEVATION, RANGE, E
 from filters.smoother import bank, status
-from filters.smoother.bank import Bank, Prior, apart
+from filters.smoother.bank import Bank, Prior
 from filters.smoother.buffer import Outcome, Rows, outcome
 from filters.smoother.hypothesis import Workspace
 from tests.filters.smoother.kit import small
@@ -33,6 +32,11 @@ def begun(sensors, *, prior=NOTHING, spoil=None, excluded=-1):
         small.start.places(rows, model.offset, model.rotation, model.is_ins, prior.height_m, 0)
     one = Bank(Workspace(model, PSD), prior, excluded)
     return one, rows, one.begin(rows)
+
+
+def ambiguous(one):
+    """Whether its newest state is."""
+    return bool(one.ambiguous(np.array([one.best.head.t_ns]))[0])
 
 
 def off(one, rows):
@@ -278,43 +282,3 @@ def test_a_restart_keeps_what_is_known_of_an_instruments_errors():
 
 
 # ---- doubt
-
-
-def trial(at, sigma=1.0):
-    """A hypothesis, as far as doubt looks at it."""
-    return SimpleNamespace(
-        head=SimpleNamespace(x=np.append(np.array(at, float), np.zeros(6)), P=np.eye(9) * sigma**2)
-    )
-
-
-def ambiguous(one):
-    """Whether its newest state is."""
-    return bool(one.ambiguous(np.array([one.best.head.t_ns]))[0])
-
-
-def doubt(*ranked):
-    one, _, _ = begun([A, B])
-    one._doubt(ranked[0][1], ranked[0][0], list(ranked))
-    return one
-
-
-def test_apart_is_by_both_sigmas():
-    assert not apart(trial((0, 0, 0)), trial((4.0, 0, 0)))
-    assert apart(trial((0, 0, 0)), trial((4.5, 0, 0)))
-    assert not apart(trial((0, 0, 0)), trial((4.5, 0, 0), sigma=2.0))
-
-
-def test_an_unlikely_or_a_near_hypothesis_leaves_no_doubt():
-    assert not ambiguous(doubt((0.0, trial((0, 0, 0))), (-1.0, trial((1, 0, 0)))))
-    far = doubt((0.0, trial((0, 0, 0))), (-200.0, trial((100, 0, 0))))
-    assert not ambiguous(far)
-    assert far.spread[0, 0] < 1e-6
-
-
-def test_a_likely_one_elsewhere_leaves_its_spread():
-    one = doubt((0.0, trial((0, 0, 0))), (0.0, trial((100, 0, 0))))
-    assert ambiguous(one)
-    assert one.spread[0, 0] == pytest.approx(0.5 * 100.0**2)  # Σ chance · gap²
-    assert not one.spread[1:, 1:].any()
-    less = doubt((0.0, trial((0, 0, 0))), (-5.0, trial((100, 0, 0))))
-    assert 0 < less.spread[0, 0] < one.spread[0, 0]

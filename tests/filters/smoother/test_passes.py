@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from filters.models import state
+from filters.models import runs, state
 from filters.models.motion import CORE
 from filters.models.rows import E
-from filters.smoother import passes, runs
+from filters.smoother import passes
 from tests.filters.smoother.kit import small
 
 pytestmark = pytest.mark.decision

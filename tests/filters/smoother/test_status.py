@@ -8,8 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import cauchy, norm
 
+from filters.models import runs
 from filters.models.rows import AZIMUTH, RANGE
-from filters.smoother import passes, runs, status
+from filters.smoother import passes, status
 from filters.smoother.buffer import Rows
 from tests.filters.smoother.kit import small
 from tests.filters.smoother.test_passes import both

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from filters.models import runs
 from filters.models.rows import RANGE
-from filters.smoother import runs, status
+from filters.smoother import status
 from filters.smoother.buffer import Rows
 from tests.filters.smoother.kit import small
 from tests.filters.smoother.test_status import open_

@@ -97,7 +97,7 @@ def test_feeds_are_in_the_recording(replay):
     assert told.count("\n") == 1
 
 
-class FakeBus:
+class ToldBus:
     """Keeps what is told and what can be asked for."""
 
     def __init__(self):
@@ -115,7 +115,7 @@ def test_who_follows_a_replay_on_the_bus_is_told_the_scene(monkeypatch, tmp_path
         session()
         return {"complete": True}
 
-    bus = FakeBus()
+    bus = ToldBus()
     monkeypatch.setattr(replaying, "open_bus", lambda _station: contextlib.nullcontext(bus))
     monkeypatch.setattr(replaying.driver, "run", run)
     sample = made.SAMPLE / "flight.tlog"
