@@ -36,9 +36,8 @@ def open_bus(station: Station, **options: Any) -> "Bus":
     media = MSGPACK if station.bus.media == "msgpack" else JSON
     names = station.range.name, station.vehicle.name
     said = station.bus
-    rates_hz = {"": said.rate_hz, **dict.fromkeys(("ins", "air"), said.ins_rate_hz)}
     settings: dict[str, Any] = {"mode": said.mode, "endpoint": said.endpoint, "media": media}
-    return Bus.open(*names, **settings | {"tls": said.tls, "rates_hz": rates_hz} | options)
+    return Bus.open(*names, **settings | {"tls": said.tls, "rates_hz": said.rates_hz} | options)
 
 
 def introduce(bus: "Bus", station: Station, frame: Frame) -> None:
@@ -124,9 +123,8 @@ def new_session(
     parts: Callable[[], dict[str, PartHealth]] = dict,
 ) -> Session:
     """A session with its sinks, compiled and ready for the first measurement."""
-    sinks: list[Sink] = [*records, Console()]
-    if send_to:  # first: a state that somebody waits for goes out before files are written
-        sinks.insert(0, Publisher(frame, Monitor(station.sources, feeds, parts), send_to))
+    publishers = [Publisher(frame, Monitor(station.sources, feeds, parts), send_to)] if send_to else []
+    sinks: list[Sink] = [*publishers, *records, Console()]  # who waits for a state does not wait for files
     prepare()
     session = Session(station, frame, sinks, method, correction)
     session.estimator.warm_up()

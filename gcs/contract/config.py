@@ -129,6 +129,11 @@ class BusSection(Section, frozen=True):
         Meta(ge=1.0, le=10_000.0, description="the same of the autopilot, which has several messages a turn"),
     ] = 200.0
 
+    @property
+    def rates_hz(self) -> dict[str, float]:
+        """How much is taken by source; "" for all others."""
+        return {"": self.rate_hz, "ins": self.ins_rate_hz, "air": self.ins_rate_hz}
+
 
 class ViewSection(Section, frozen=True):
     """The view in the browser."""

@@ -165,9 +165,9 @@ def _enter(session: Session, name: str, measured: np.ndarray, feeds: Arrivals, a
     fault = feeds.clock.judge(name, measured["t_ns"], arrival_ns)[batch.entries["measurement"]]
     reasons = np.array([session.ledger.reason(text) for text in FAULTS])
     batch.complaints[fault > 0] = reasons[fault[fault > 0]]
-    bus = intake.station.bus
-    rate_hz = bus.ins_rate_hz if name == "ins" else bus.rate_hz
-    crowd = feeds.crowd.too_many(name, measured["t_ns"], rate_hz)[batch.entries["measurement"]]
+    rates_hz = intake.station.bus.rates_hz
+    crowd = feeds.crowd.too_many(name, measured["t_ns"], rates_hz.get(name, rates_hz[""]))
+    crowd = crowd[batch.entries["measurement"]]
     batch.complaints[crowd] = session.ledger.reason(CROWD)
     session.enter(batch, arrival_ns)
 
