@@ -88,9 +88,8 @@ class Bank:
             trial.settle(rows, 0, running)
             trials.append((0.0, trial))
             trials.append((0.0, self._again(rows, trial.own.weight, annealed=False)))
-        starts, odds_start, inertia = [], ODDS_START, INERTIA
-        if best.young:
-            starts, odds_start, inertia = self._starts(rows), 0.0, 0.0
+        odds_start, inertia = (0.0, 0.0) if best.young else (ODDS_START, INERTIA)
+        starts = self._starts(rows) if best.young else []
         if failing:
             everything = (rows.sensor != self.excluded).astype(float)
             again = self._again(rows, everything, annealed=True)
@@ -114,12 +113,9 @@ class Bank:
         self.best = winner
         started = number >= kept
         if started:
-            refused = (best.own.weight < status.DOUBT).mean()
-            self.reason = (
-                self.reason
-                if best.young
-                else f"{refused:.0%} of the window's rows refused: begun again from the sensors"
-            )
+            if not best.young:  # else it is still the first one's
+                refused = (best.own.weight < status.DOUBT).mean()
+                self.reason = f"{refused:.0%} of the window's rows refused: begun again from the sensors"
             self._put_to_the_proof(rows)
         return winner.settle(rows, keep), started
 
