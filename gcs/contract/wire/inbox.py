@@ -2,10 +2,9 @@
 
 A source that sends more than its rate loses what is beyond it; one that sends `WILD` times what it may
 within a second is no instrument any more: what waits of it goes, and it gets little until it keeps to its
-rate again. Where all together are more than the reader
-can take, the one with the most waiting loses its oldest and, while that lasts, some of its rate. So no source
-can push out another. A reader that was away and catches up loses nothing. What was lost is counted by source
-and handed on as `Excess`, once a second.
+rate again. Where all together are more than the reader can take, the one with the most waiting loses its
+oldest and, while that lasts, some of its rate. So no source can push out another. A reader that was away and
+catches up loses nothing. What was lost is counted by source and handed on as `Excess`, once a second.
 """
 
 import heapq
@@ -67,7 +66,7 @@ class _Queue:
         """Count one message; True when it makes the source a wild one."""
         was, most = self.wild, WILD * self.limits.rate_hz * self.limits.burst_s
         if now_s - self.heard_s >= 1.0:
-            self.wild = self.heard > self.limits.rate_hz if was else False
+            self.wild = was and self.heard > self.limits.rate_hz
             self.heard, self.heard_s = 0, now_s
         self.heard += 1
         self.wild = self.wild or self.heard > most
@@ -191,10 +190,10 @@ class Inbox:
         wild = [queue for queue in self._queues.values() if now_s - queue.lost_s < QUIET_S]
         behind_s, patience_s = (WILD_S, WILD_S) if wild else (BEHIND_S, PATIENCE_S)
         age_s, away_s, self._taken_s = self._age_s(now_s), now_s - self._taken_s, now_s
-        if away_s > PATIENCE_S:  # nobody read: that says nothing of how fast it reads
+        abreast = age_s < behind_s
+        if abreast or away_s > PATIENCE_S:  # where nobody read, that says nothing of how fast it reads
             self._abreast_s, self._behind_s = now_s, age_s
-        if age_s < behind_s:
-            self._abreast_s, self._behind_s = now_s, age_s
+        if abreast:
             for queue in self._queues.values():
                 if queue.share < 1.0 and now_s - queue.eased_s > EASE_S:
                     queue.share, queue.eased_s = min(1.0, 2.0 * queue.share), now_s
