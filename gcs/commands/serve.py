@@ -87,12 +87,8 @@ def serve(
             say(f"view: {shown.url}   (Ctrl-C ends)")
         over = beside(stack) if beside else stop
         if seconds is not None:  # from here, so that reading the demo's flight takes none of them
-            timer = threading.Timer(seconds, stop.set)
-            timer.daemon = True
-            timer.start()
-        sys.setswitchinterval(SWITCH_S)
-        gc.collect()
-        gc.freeze()  # what is loaded by now stays: else each full collection walks through all of it, 0.1 s
+            _end_after(seconds, stop)
+        _be_prompt()
         with supervisor.watched("session", over) as pulse:
             _run(session, feeds, pulse, recorder.turn)
         if shown and not stop.is_set():
@@ -102,6 +98,19 @@ def serve(
     missed = [sink.name for sink in supervisor.others if not sink.health().running]
     if missed:
         sys.exit(f"gcs: {', '.join(missed)} failed and is not whole; see {folder / 'station.log'}")
+
+
+def _end_after(seconds: float, stop: threading.Event) -> None:
+    timer = threading.Timer(seconds, stop.set)
+    timer.daemon = True
+    timer.start()
+
+
+def _be_prompt() -> None:
+    """Have the interpreter not hold up a state."""
+    sys.setswitchinterval(SWITCH_S)
+    gc.collect()
+    gc.freeze()  # what is loaded by now stays: else each full collection walks through all of it, 0.1 s
 
 
 def _run(session: Session, feeds: live.BusFeeds, stop: threading.Event, keep: live.Keep) -> None:
