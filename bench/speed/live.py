@@ -130,8 +130,8 @@ def report(received: list[tuple[int, bytes]], seconds: float) -> str:
     begin_ns = states[0][1]["t_ns"] + round(FIRST_S * 1e9)
     end_ns = states[-1][1]["t_ns"] - round(LAST_S * 1e9)
     counted = [(at, state["t_ns"]) for at, state in states if begin_ns < state["t_ns"] < end_ns]
-    found = [(arrival_ns - t_ns) / 1e6 for arrival_ns, t_ns in counted]
-    p50, p99, worst = (sorted(found)[int(share * (len(found) - 1))] for share in (0.5, 0.99, 1.0))
+    found = sorted((arrival_ns - t_ns) / 1e6 for arrival_ns, t_ns in counted)
+    p50, p99, worst = (found[int(share * (len(found) - 1))] for share in (0.5, 0.99, 1.0))
     expected = int(sum(seconds * rate for rate in RATES_HZ.values()))
     return (
         f"{expected} measurements put; {len(states)} states received, numbers {numbers[0]} to {numbers[-1]}, "
