@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import viser
@@ -23,7 +23,7 @@ from web.panel import apart, events, legend, picked, place, player, sensors, sta
 from web.panel import boxed as in_box
 from web.panel.bell import Bell
 from web.panel.fleet import Fleet
-from web.panel.limits import LimitsForm, alarms
+from web.panel.limits import LimitsForm, alarms, set_value
 from web.panel.player import LookBack, Player
 from web.plots.dock import Dock
 from web.scene.ghost import Ghost
@@ -212,8 +212,8 @@ class Viewer:
     def _sync(self) -> None:
         """Show what another viewer has set for all."""
         self._limits.sync(self._view.limits)
-        _set(self._paint, self._picture.paint)
-        _set(self._dark, self._view.dark)
+        set_value(self._paint, self._picture.paint)
+        set_value(self._dark, self._view.dark)
 
     def _haunt(self, shown: State | None) -> None:
         if self._looks_back and shown:
@@ -259,11 +259,11 @@ class Viewer:
 
     def _toggle(self, layer: str) -> None:
         shown = layer in self._hidden
-        _set(self._boxes[layer], shown)
+        set_value(self._boxes[layer], shown)
         self._show(layer, shown=shown)
 
     def _set_camera(self, mode: str) -> None:
-        _set(self._camera, mode)
+        set_value(self._camera, mode)
         self.camera.set_mode(mode)
 
     def _set_limit(self, name: str, value: float) -> None:
@@ -279,12 +279,6 @@ class Viewer:
     def _set_dark(self, event: viser.GuiEvent) -> None:
         if event.client is not None:
             self._view.soon(partial(self._view.set_dark, dark=event.target.value))
-
-
-def _set(handle: Any, value: Any) -> None:
-    """Set a handle that does not say so already; viser's types call it read-only, its manual does not."""
-    if handle.value != value:
-        handle.value = value
 
 
 def _do(act: Callable[[], None], _event: object) -> None:

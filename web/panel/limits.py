@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import viser
 
@@ -71,8 +71,13 @@ class LimitsForm:
 
     def sync(self, limits: OperatorLimits) -> None:
         for name, handle in self._fields.items():
-            if handle.value != getattr(limits, name):
-                handle.value = getattr(limits, name)  # type: ignore[misc]  # viser has it settable
+            set_value(handle, getattr(limits, name))
+
+
+def set_value(handle: Any, value: Any) -> None:
+    """Set a handle that does not say so already; viser's types call it read-only, its manual does not."""
+    if handle.value != value:
+        handle.value = value
 
 
 def _changed(put: Callable[[str, float], None], name: str, event: viser.GuiEvent) -> None:
