@@ -1,5 +1,6 @@
 """The estimator's state for a given set of sensors, and what any row says about it, as arrays for numba."""
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -16,6 +17,8 @@ SLOTS = (
 MEAN, COV, SCRATCH = 6, 7, 21  # rows of the working space: see `_at_true_time`
 WIDE, DEEP = 0.1, 0.4  # of the distance: 1-sigma across and along the line of sight beyond which a channel
 # bends too much for sigma points, or they reach behind the instrument
+POSSIBLE = 5.0  # sigmas along the line of sight within which a prediction allows a place
+ANY_ANGLE = math.pi**2 / 3  # variance of an angle that may be any
 NOTHING = 1e30  # variance of what a line of sight alone says while the place is not known at all
 CLOCK_TAU_S = 2e5  # a clock with a prior of 0.1 s wanders by 0.3 ms √s: 5 ms in four minutes
 
@@ -148,12 +151,12 @@ def predict_row(model, rows, i, x, P, psd, out, k, work):
                 channel, y, C, model.offset, model.rotation, model.bend, sensor
             )
             v = difference(channel, rows.value[i], value)
-        elif rows.place[i, 0] == rows.place[i, 0]:
+        elif _is_possible(y, C, rows.place, i, model.offset, sensor):
             v, variance, g = linear_position(
                 channel, rows.value[i], y, C, rows.place, i, model.offset, model.rotation, model.bend, sensor
             )
         else:
-            v, variance, g = 0.0, NOTHING, (0.0, 0.0, 0.0)
+            v, variance, g = 0.0, NOTHING if channel == RANGE else ANY_ANGLE, (0.0, 0.0, 0.0)
         for j in range(n):
             m[k, j] = g[0] * work[0, j] + g[1] * work[1, j] + g[2] * work[2, j]
         for j in range(3):
@@ -193,6 +196,22 @@ def _is_wide(y, C, place, i, offset, s):
     along *= scale
     across = C[0] + C[2] + C[5] - along
     return across > WIDE * WIDE * near or along > DEEP * DEEP * near
+
+
+@kernel
+def _is_possible(y, C, place, i, offset, s):
+    """Whether row ``i`` has a place, and position ``y``, ``C`` may be as far from sensor ``s`` as that is.
+
+    Else the place says nothing of how an angle depends on the position: a target taken to be at the instrument
+    itself would lie on every line of sight.
+    """
+    if place[i, 0] != place[i, 0]:
+        return False
+    a, b, c = place[i, 0] - offset[s, 0], place[i, 1] - offset[s, 1], place[i, 2] - offset[s, 2]
+    far2 = max(a * a + b * b + c * c, 1e-9)
+    along = a * a * C[0] + b * b * C[2] + c * c * C[5] + 2.0 * (a * b * C[1] + a * c * C[3] + b * c * C[4])
+    gap = a * (place[i, 0] - y[0]) + b * (place[i, 1] - y[1]) + c * (place[i, 2] - y[2])
+    return gap * gap <= POSSIBLE * POSSIBLE * along + DEEP * DEEP * far2 * far2
 
 
 @kernel

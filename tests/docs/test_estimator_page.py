@@ -10,7 +10,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 TEXT = (ROOT / "docs" / "estimator.md").read_text(encoding="utf-8")
 SECTIONS = ("Model", "Inference", "What is published", "Constants", "Tried and rejected", "Measured")
-WORDS = {"log": np.log, "radians": np.radians}
+WORDS = {"log": np.log, "radians": np.radians, "pi": np.pi}
 ELSEWHERE = {"REFRACTION", "BY_STATUS"}  # coefficients in the text; a rule without numbers
 
 

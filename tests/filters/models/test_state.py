@@ -264,6 +264,22 @@ def test_a_line_of_sight_alone_says_nothing_while_the_place_is_unknown(channel):
     assert np.array_equal(P, before[1])
 
 
+@pytest.mark.parametrize("channel", [AZIMUTH, ELEVATION])
+@pytest.mark.parametrize("share, sigma_m, heard", [(0.0, 20.0, False), (0.7, 50.0, True), (0.0, 400.0, True)])
+def test_a_place_that_the_prediction_excludes_says_nothing(channel, share, sigma_m, heard):
+    """A target at the instrument itself would lie on every line of sight."""
+    sensor = small.theodolite()
+    model = state.build([sensor])
+    place = np.array([300.0, 500.0, 100.0])
+    x, P = diffuse(model, share * place)
+    P[range(3), range(3)] = sigma_m**2
+    seen = small.polar(sensor, place)[channel] + 0.5
+    v, variance, m, gradient = predict(model, channel, seen, x, P, place=place)
+    assert bool(gradient.any()) == bool(m.any()) == heard
+    if not heard:
+        assert (v, variance) == (0.0, state.ANY_ANGLE)
+
+
 def test_a_narrow_prior_needs_no_place():
     sensor = small.theodolite()
     model = state.build([sensor])

@@ -185,6 +185,18 @@ def test_the_sigmas_are_honest():
     assert 0.8 < np.concatenate(nees).mean() < 6.0
 
 
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_a_lone_instrument_whose_channels_all_go_wrong_is_not_where_the_target_is(seed):
+    """A target at the instrument would lie on all its lines of sight, were only the distance wrong."""
+    sensors = [small.theodolite()]
+    rows = small.fly(sensors, 6.0, hz=20.0, seed=seed)
+    wrong = (rows["t_ns"] > 0.4e9) & (rows["t_ns"] < 1.0e9)
+    sigma = sensors[0].sigma[rows["channel"]]
+    rows["value"][wrong] += (np.array([60.0, 200.0, -150.0])[rows["channel"]] * sigma)[wrong]
+    track, *_ = run(rows, sensors=sensors)
+    assert error_m(track[track["t_ns"] > 2e9]).max() < 5.0
+
+
 # ---- the report
 
 
