@@ -15,7 +15,7 @@ import numpy as np
 from filters.models.kernel import exact, kernel
 
 CORE = 9
-PSD = np.array([10.0, 10.0, 0.05, 0.05])  # to begin with: 3 m/s³ held for a second; air that is nearly calm
+PSD = np.array([10.0, 10.0, 1.0, 1.0])  # to begin with: 3 m/s³ held for a second; moderate turbulence
 LOWEST = np.array([0.05, 0.05, 1e-4, 1e-4])  # hovering in still air
 HIGHEST = np.array([3e3, 3e3, 50.0, 50.0])  # aerobatics; 25 m/s² from sample to sample at 12 Hz
 
@@ -97,12 +97,13 @@ def drift(P, psd, i, dt):
 
 
 @kernel
-def score(r, N, dt, psd, slope, information):
-    """Add what one step of ``dt`` says about the logarithm of each density, to ``slope, information`` (4,).
+def score(r, N, dt, psd, found):
+    """Add what one step of ``dt`` says about the logarithm of each density to ``found`` (2, 4).
 
-    With Q = psd · U the noise of the step: slope ½ (rᵀ Q r − tr Q N), expected information ½ tr(Q N Q N)
+    With Q = psd · U the noise of the step: slope ½ (rᵀ Q r − tr Q N); expected information ½ tr(Q N Q N)
     (Koopman & Shephard 1992, *Exact score for time series models in state space form*).
     """
+    slope, information = found[0], found[1]
     d2 = dt * dt
     jpp, jpv, jpa, jvv, jva, jaa = d2 * d2 * dt / 20, d2 * d2 / 8, d2 * dt / 6, d2 * dt / 3, d2 / 2, dt
     gpp, gpv, gvv = d2 * dt / 3, d2 / 2, dt

@@ -15,9 +15,9 @@ from filters.models import motion
 from filters.models.rows import AE, CHANNELS, VE
 from filters.smoother.passes import Scores
 
-MOTION_SIGMA = 1.5  # of the prior of log density: 95 % within a factor of twenty
+MOTION_SIGMA = 1.5  # of log density about the usual one: 95 % within a factor of twenty
 MOTION_MEMORY_S = 10.0  # a flight that manoeuvres will do so again
-LEAN = 0.3  # weight of the setting in the middle of the prior
+USUAL_SIGMA = 3.0  # of log density before anything was seen: 95 % within a factor of 400
 WILDER = 30.0  # factor of the densities in a manoeuvre
 MOTION_STEP = 1.2  # largest change of log density in one pass
 NOISE_SIGMA = 0.5  # of the prior of log variance: stated sigmas are right within a factor of 1.6
@@ -29,7 +29,7 @@ LOWEST, HIGHEST = np.log(0.25), np.log(1e3)  # of the variance over the stated o
 def densities(now: np.ndarray, prior: np.ndarray, scores: Scores) -> np.ndarray:
     """(4,) after one step from ``now`` (4,); ``prior`` (4,) is the middle of their prior. Zero stays zero."""
     moves = prior > 0.0
-    slope, information = scores.motion[:, moves]
+    slope, information = (scores.kept[0] + scores.rest)[:, moves]
     weight = 1.0 / MOTION_SIGMA**2
     step = (slope + weight * np.log(prior[moves] / now[moves])) / (information + weight)
     step = np.clip(0.5 * step, -MOTION_STEP, MOTION_STEP)  # half of it: densities pull at the same data
@@ -50,12 +50,24 @@ def log_prior(psd: np.ndarray, usual: np.ndarray) -> float:
     return -0.5 * float(((np.log(psd[moves] / usual[moves]) / MOTION_SIGMA) ** 2).sum())
 
 
-def usual(now: np.ndarray, psd: np.ndarray, setting: np.ndarray, seconds: float) -> np.ndarray:
-    """(4,) the middle ``now`` of the prior, ``seconds`` on: following ``psd``, leaning to the ``setting``."""
-    step = 1.0 - np.exp(-seconds / MOTION_MEMORY_S)
-    out, moves = now.copy(), now > 0.0
-    target = (1.0 - LEAN) * np.log(psd[moves]) + LEAN * np.log(setting[moves])
-    out[moves] = np.exp((1.0 - step) * np.log(now[moves]) + step * target)
+def motion_prior(psd: np.ndarray) -> np.ndarray:
+    """(2, 4) logarithm of each density, and its information, as before the first row."""
+    moves = psd > 0.0
+    return np.stack([np.log(np.where(moves, psd, 1.0)), np.where(moves, USUAL_SIGMA**-2, np.inf)])
+
+
+def follow_motion(known: np.ndarray, prior: np.ndarray, psd: np.ndarray, scores: Scores, seconds: float):
+    """(2, 4) as `motion_prior` after ``seconds`` more of decided rows, scored at ``psd`` (2, 4)."""
+    moves, out = psd[0] > 0.0, known.copy()
+    keep = np.exp(-seconds / MOTION_MEMORY_S)
+    (mean, information), (middle, least) = known[:, moves], prior[:, moves]
+    slope, more = scores.kept[:, 0, moves], scores.kept[:, 1, moves]
+    before = keep * (information - least)
+    information = least + before + more.sum(axis=0)
+    seen = (more * np.log(psd[:, moves]) + slope).sum(axis=0)
+    mean = (least * middle + before * mean + seen) / information
+    out[0, moves] = np.clip(mean, np.log(motion.LOWEST[moves]), np.log(motion.HIGHEST[moves]))
+    out[1, moves] = information
     return out
 
 

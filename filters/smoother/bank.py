@@ -219,7 +219,7 @@ class Bank:
             anchor = Moment(int(usable.t[0]), x, P, status.fresh_memory(len(model.is_ins)))
             trial = Hypothesis(self.space, anchor, self.excluded)
             if self.best is not None:
-                trial.scale, trial.usual_psd = self.best.scale, self.best.usual_psd
+                trial.scale, trial.motion = self.best.scale, self.best.motion
                 trial.psd = self.best.usual_psd
             trial.own = outcome(len(rows.t))
             trial.own.weight[:] = rows.sensor == s

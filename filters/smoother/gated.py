@@ -7,13 +7,15 @@ from numba import njit
 
 from filters.models.motion import CORE, predict
 from filters.models.rows import AE, RANGE_RATE
+from filters.models.runs import CHANCE
 from filters.models.state import predict_row
 from filters.models.update import update
 from filters.models.update import weight as igg
-from filters.smoother.status import NEGLIGIBLE, PATCH_ROWS, expected, filtered, log_good, log_gross
+from filters.smoother.status import NEGLIGIBLE, PATCH_ROWS, filtered, log_good, log_gross
 
 GATE = 3.5  # sigmas from which the order of simultaneous rows matters
-SURPRISE = 15.0  # lost log likelihood that asks for a re-decision at once: two gross errors
+SURPRISE = 7.0  # lost log likelihood that asks for a re-decision at once: odds of a thousand
+MOST = 4.0  # … for which one row can be the cause: an outlier by itself is no reason
 FADE = 0.8  # of the surprise from epoch to epoch
 
 
@@ -86,7 +88,7 @@ def admit(
             if s == excluded:
                 w = 0.0
             else:
-                lost += expected(sigma, memory[s, c, 4])[0] - likelihood
+                lost += min(log_good(sigma, sigma) - likelihood, MOST) - MOST * memory[s, c, CHANCE]
             own.weight[k], own.residual[k], own.sigma[k] = w, v, sigma
             own.nis[k] = (v / sigma) ** 2
             if w > 0.0:
@@ -99,7 +101,7 @@ def admit(
         to.x[epoch], to.P[epoch] = x, P[:CORE, :CORE]
         epoch += 1
         i = end
-        surprise = FADE * surprise + max(lost, 0.0)
+        surprise = max(FADE * surprise + lost, 0.0)
         if surprise > SURPRISE and t_ns >= quiet_ns:
             break
     return i, epoch, surprise

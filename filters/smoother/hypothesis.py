@@ -41,6 +41,7 @@ class Workspace:
         n = len(model.prior)
         self.model = model
         self.prior_psd, self.prior_noise = prior_psd, adaptation.noise_prior(model.is_ins)
+        self.prior_motion = adaptation.motion_prior(prior_psd)
         self.work, self.r, self.N = scratch(n), np.zeros(n), np.zeros((n, n))
         self.trace = passes.trace(1024, n, 256)
 
@@ -59,7 +60,8 @@ class Hypothesis:
     def __init__(self, space: Workspace, anchor: Moment, excluded: int = -1):
         self.space, self.anchor, self.head, self.excluded = space, anchor, anchor.copy(), excluded
         self.own = outcome(0)
-        self.psd = self.usual_psd = space.prior_psd  # (4,) densities now, and the middle of their prior
+        self.psd = space.prior_psd  # (4,) densities now
+        self.motion = space.prior_motion  # (2, 4) what is known of the usual ones
         self.psd_before = self.psd  # of the rows in the window before a manoeuvre: regime 1
         self.log_evidence = self.shortfall = 0.0
         self.scale = space.prior_noise
@@ -73,6 +75,11 @@ class Hypothesis:
         other.anchor, other.head = self.anchor.copy(), self.head.copy()
         other.own = Outcome(*(column.copy() for column in self.own))
         return other
+
+    @property
+    def usual_psd(self) -> np.ndarray:
+        """(4,) the middle of the prior of the densities."""
+        return np.where(self.psd > 0.0, np.exp(self.motion[0]), 0.0)
 
     def densities(self) -> np.ndarray:
         """(2, 4) of the regimes: now, and before the manoeuvre that the window has seen."""
@@ -168,4 +175,4 @@ class Hypothesis:
         self.anchor, self.young = Moment(int(t_ns), x, P, memory), False
         self.own = Outcome(*(column[cut:].copy() for column in self.own))
         self.scale = adaptation.follow_noise(self.scale, space.prior_noise, found, seconds)
-        self.usual_psd = adaptation.usual(self.usual_psd, self.psd, space.prior_psd, seconds)
+        self.motion = adaptation.follow_motion(self.motion, space.prior_motion, self.densities(), found, seconds)

@@ -40,7 +40,8 @@ class Trace(NamedTuple):
 class Scores(NamedTuple):
     """Slope and expected information of the log likelihood by the logarithm of each density and noise."""
 
-    motion: np.ndarray  # (2, 4) of motion.PSD
+    kept: np.ndarray  # (2, 2, 4) of motion.PSD, by the kept rows of each regime
+    rest: np.ndarray  # (2, 4) the same by the other rows of regime 0
     noise: np.ndarray  # (2, s, 13) of each channel's variance
 
 
@@ -64,7 +65,7 @@ def trace(rows: int, n: int, keep: int) -> Trace:
 
 def scores(sensors: int, channels: int) -> Scores:
     """All zero."""
-    return Scores(np.zeros((2, 4)), np.zeros((2, sensors, channels)))
+    return Scores(np.zeros((2, 2, 4)), np.zeros((2, 4)), np.zeros((2, sensors, channels)))
 
 
 @kernel
@@ -131,8 +132,8 @@ def _since_last(model, rows, k, x, P, psd, variance, out):
 def backward(model, rows, own, densities, keep, out, r, N, found, work):
     """Hold every row against all others; ``r`` (n,), ``N`` (n, n) say what came after, in place.
 
-    Fills ``own.residual`` and ``own.sigma``, smooths the states that ``out`` keeps, and adds to ``found``,
-    `Scores` (of the noise only for the first ``keep`` rows, of the motion for regime 0). ``work``: `scratch`.
+    Fills ``own.residual`` and ``own.sigma``, smooths the states that ``out`` keeps, and adds up in ``found``
+    the `Scores`, those of the noise for the first ``keep`` rows. ``work``: `scratch`.
     """
     n, Nm = r.size, work[0]
     for k in range(rows.t.size - 1, -1, -1):
@@ -172,8 +173,11 @@ def backward(model, rows, own, densities, keep, out, r, N, found, work):
                 _smooth(out.x[k], out.P[k], r, N, work[1:])
             if k > 0:
                 dt = (rows.t[k] - rows.t[k - 1]) * 1e-9
-                if own.regime[k] == 0:
-                    score(r, N, dt, densities[0], found.motion[0], found.motion[1])
+                regime = own.regime[k]
+                if k < keep:
+                    score(r, N, dt, densities[regime], found.kept[regime % 2])
+                elif regime == 0:
+                    score(r, N, dt, densities[regime], found.rest)
                 pull_back(r, N, dt, model.rate)
 
 

@@ -173,8 +173,8 @@ class FilterSection(Section, frozen=True):
         float, Meta(ge=1e-3, le=1e5, description="white jerk to begin with: 3 m/s³ held for a second")
     ] = 10.0
     gust_psd: Annotated[
-        float, Meta(ge=1e-6, le=1e3, description="white acceleration to begin with: air that is nearly calm")
-    ] = 0.05
+        float, Meta(ge=1e-6, le=1e3, description="white acceleration to begin with: moderate turbulence")
+    ] = 1.0
     ins_bias_sigma_m: Annotated[
         float, Meta(ge=1e-3, le=1e4, description="slow INS position error: a single-frequency receiver")
     ] = 2.5

@@ -111,8 +111,8 @@ def test_score_is_the_trace_formula():
     rng = np.random.default_rng(5)
     root = rng.normal(size=(N, N))
     r, M, dt = rng.normal(size=N), root @ root.T, 0.4
-    slope, information = np.zeros(4), np.zeros(4)
-    motion.score(r, M, dt, small.PSD, slope, information)
+    slope, information = found = np.zeros((2, 4))
+    motion.score(r, M, dt, small.PSD, found)
     for j in range(4):
         one = np.where(np.arange(4) == j, small.PSD, 0.0)
         _, Q = small.transition(dt, one)

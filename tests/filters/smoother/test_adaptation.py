@@ -16,7 +16,8 @@ IS_INS = np.array([True, False])
 
 def scores(slope=0.0, information=0.0, noise_slope=0.0, noise_information=0.0):
     return Scores(
-        np.stack([np.full(4, float(slope)), np.full(4, float(information))]),
+        np.stack([np.stack([np.full(4, float(slope)), np.full(4, float(information))]), np.zeros((2, 4))]),
+        np.zeros((2, 4)),
         np.stack([np.full((2, 13), float(noise_slope)), np.full((2, 13), float(noise_information))]),
     )
 
@@ -95,6 +96,48 @@ def test_a_step_has_a_longest_and_densities_have_bounds():
     )
     assert np.array_equal(repeat(PRIOR, scores(slope=1e9)), motion.HIGHEST)
     assert np.array_equal(repeat(PRIOR, scores(slope=-1e9)), motion.LOWEST)
+
+
+# ---- what is usual
+
+
+def usual(known, psd, slope=0.0, information=0.0, seconds=1.0, regime=0):
+    found = scores()
+    found.kept[regime] = [[slope] * 4, [information] * 4]
+    return adaptation.follow_motion(known, BEFORE, np.array(psd), found, seconds)
+
+
+BEFORE = adaptation.motion_prior(PRIOR)
+TWO = np.array([20.0 * PRIOR, 0.1 * PRIOR])  # densities now, and before a manoeuvre
+
+
+@pytest.mark.parametrize("regime", [0, 1])
+def test_what_is_usual_is_the_mean_of_what_was_seen_by_its_information(regime):
+    known = usual(BEFORE, TWO, slope=0.0, information=5.0, regime=regime)
+    weight = 5.0 / (5.0 + adaptation.USUAL_SIGMA**-2)
+    assert np.allclose(known[0], np.log(PRIOR) + weight * np.log(TWO[regime] / PRIOR))
+    assert np.allclose(known[1], 5.0 + adaptation.USUAL_SIGMA**-2)
+
+
+def test_a_slope_moves_it_as_far_as_its_information_says():
+    known = usual(BEFORE, np.array([PRIOR, PRIOR]), slope=1.0, information=4.0)
+    assert np.allclose(known[0] - np.log(PRIOR), 1.0 / (4.0 + adaptation.USUAL_SIGMA**-2))
+
+
+def test_a_quiet_minute_is_forgotten_and_an_hour_leads_back_to_the_setting():
+    known = usual(BEFORE, TWO, information=5.0)
+    later = usual(known, TWO, seconds=adaptation.MOTION_MEMORY_S * np.log(2.0))
+    assert np.allclose(later[1] - BEFORE[1], 2.5)
+    assert np.allclose(usual(known, TWO, seconds=3600.0), BEFORE)
+
+
+def test_what_is_usual_has_bounds_and_what_does_not_move_stays():
+    assert np.allclose(usual(BEFORE, TWO, slope=1e6, information=1.0)[0], np.log(motion.HIGHEST))
+    level = adaptation.motion_prior(PRIOR * [1, 0, 1, 0])
+    found = scores(slope=1.0, information=1.0)
+    known = adaptation.follow_motion(level, level, TWO * [1, 0, 1, 0], found, 1.0)
+    assert np.array_equal(known[:, [1, 3]], level[:, [1, 3]])
+    assert (known[0, [0, 2]] > level[0, [0, 2]]).all()
 
 
 # ---- noise

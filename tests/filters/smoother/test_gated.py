@@ -179,6 +179,24 @@ def test_good_rows_do_not_surprise():
     assert count == 400
 
 
+def lost(model, said):
+    x, P = start(model)
+    return admit(model, small.as_rows(said, model), x, P)[2]
+
+
+def test_one_outlier_of_any_size_is_no_surprise():
+    model = several()
+    for size in (10.0, 1e4):
+        said = [row for k in range(20) for row in east(model, np.zeros(4), 0.1 * k)]
+        assert lost(model, said + east(model, np.array([size, 0.0, 0.0, 0.0]), 2.0)) < gated.SURPRISE
+
+
+def test_many_rows_somewhat_off_are_a_surprise():
+    model = several()
+    said = [row for k in range(20) for row in east(model, np.zeros(4), 0.1 * k)]
+    assert lost(model, said + east(model, np.full(4, 4.0), 2.0)) > gated.SURPRISE
+
+
 def test_an_excluded_sensor_neither_moves_the_state_nor_surprises():
     model = several()
     rows = surprising(model, 5)

@@ -182,9 +182,6 @@ def test_the_truth_has_more_evidence_than_a_mirror():
     assert right.log_evidence > other.log_evidence + 10
 
 
-@pytest.mark.xfail(
-    strict=True, reason="26 lost early in the window are two deviations of all its rows, none of the newest"
-)
 def test_a_mirror_falls_short():
     """What the anchor costs is behind the newest rows."""
     right, other = mirrored()

@@ -104,7 +104,10 @@ def test_only_the_kept_rows_states_are_smoothed_and_their_noise_scored():
     assert np.array_equal(whole[0].residual, some[0].residual)
     first = both(model, rows, x, P, 1.0, keep=0)
     assert not first[2].noise.any()
-    assert np.array_equal(first[2].motion, whole[2].motion)
+    assert not first[2].kept.any()
+    for found in (some[2], whole[2]):
+        assert np.allclose(found.kept[0] + found.rest, first[2].rest, rtol=1e-12)
+    assert some[2].kept[0].all()
 
 
 def test_the_slope_by_the_motion_densities_is_that_of_the_log_likelihood():
@@ -117,7 +120,22 @@ def test_the_slope_by_the_motion_densities_is_that_of_the_log_likelihood():
             small.Dense(model, rows, x, P, small.PSD * np.exp(sign * h * np.eye(4)[j]), H).log_density(noise)
             for sign in (1, -1)
         )
-        assert found.motion[0, j] == pytest.approx((up - down) / (2 * h), abs=2e-5)
+        assert found.kept[0, 0, j] == pytest.approx((up - down) / (2 * h), abs=2e-5)
+
+
+def test_kept_rows_speak_of_the_densities_of_their_own_regime():
+    model, rows, x, P, _ = small.linear_case(2)
+    k, n = len(rows.t), len(x)
+    calm = both(model, rows, x, P, 1.0, keep=k)[2]
+    own = small.fresh(rows)
+    own.regime[: k // 2] = 1
+    out, found = passes.trace(k, n, k), passes.scores(*model.variance.shape)
+    work, twice = state.scratch(n), np.array([small.PSD, small.PSD])
+    passes.forward(model, rows, own, twice, x.copy(), P.copy(), int(rows.t[0]), k, out, work)
+    passes.backward(model, rows, own, twice, k, out, np.zeros(n), np.zeros((n, n)), found, work)
+    assert found.kept[:, 1].all()
+    assert np.allclose(found.kept.sum(axis=0), calm.kept[0], rtol=1e-9)
+    assert not found.rest.any()
 
 
 def test_the_slope_by_the_noise_is_that_of_the_log_likelihood():
@@ -155,7 +173,7 @@ def test_expected_information_is_positive_and_never_more_than_fishers():
     for j in range(4):
         one = h * np.eye(4)[j]
         full = fisher(*(covariance(small.PSD * np.exp(one * sign), own.noise) for sign in (1, -1)))
-        assert 0.0 < found.motion[1, j] <= full * (1 + 1e-6)
+        assert 0.0 < found.kept[0, 1, j] <= full * (1 + 1e-6)
     for c in np.unique(rows.channel):
         mine = rows.channel == c
         full = fisher(*(covariance(small.PSD, own.noise * np.exp(sign * h * mine)) for sign in (1, -1)))
