@@ -5,7 +5,7 @@ import pymap3d
 import pytest
 
 from gcs.contract.config import MountTilt, Position, SensorSection
-from gcs.contract.frames import Frame, mount, polar_to_enu
+from gcs.contract.frames import Frame, ecef_to_geodetic, geodetic_to_ecef, mount, polar_to_enu
 
 FRAME = Frame(-35.363261, 149.165230, 584.0)
 TARGET = (-35.37, 149.2, 900.0)
@@ -15,6 +15,27 @@ def test_there_and_back():
     enu = np.array([[1200.0, -3400.0, 250.0], [0.0, 0.0, 0.0]])
     lat, lon, alt = FRAME.to_geodetic(enu)
     np.testing.assert_allclose(FRAME.to_enu(lat, lon, alt), enu, atol=1e-6)
+
+
+def test_everywhere_on_earth_to_some_nanometres():
+    """Forward as pymap3d does it, and back again; a double tells 1 nm apart so far from the centre."""
+    lat, lon = (
+        grid.ravel() for grid in np.meshgrid(np.linspace(-90.0, 90.0, 181), np.linspace(-180.0, 180.0, 73))
+    )
+    for alt in (-5_000.0, 0.0, 12_000.0, 60_000.0):
+        ecef = geodetic_to_ecef(lat, lon, alt)
+        np.testing.assert_allclose(
+            ecef, np.stack(pymap3d.geodetic2ecef(lat, lon, alt), axis=-1), atol=1e-8, rtol=0.0
+        )
+        back = geodetic_to_ecef(*ecef_to_geodetic(ecef))
+        np.testing.assert_allclose(back, ecef, atol=2e-8, rtol=0.0)
+
+
+def test_what_is_no_number_stays_alone():
+    lat, _, alt = FRAME.to_geodetic(np.array([[0.0, 0.0, np.nan], [0.0, 0.0, 1.0]]))
+    assert np.isnan(lat[0])
+    assert np.isnan(alt[0])
+    assert alt[1] == pytest.approx(FRAME.alt_m + 1.0)
 
 
 def test_instrument_frame_is_pymap3ds_own():
