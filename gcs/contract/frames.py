@@ -69,11 +69,11 @@ def _at(frame: Frame) -> tuple[np.ndarray, np.ndarray]:
 
 def geodetic_to_ecef(lat_deg: ArrayLike, lon_deg: ArrayLike, alt_m: ArrayLike) -> np.ndarray:
     """(n, 3) Earth-centred Earth-fixed in m of WGS84 positions, each (n,): Groves 2013, eq. 2.112."""
-    lat, lon = np.radians(lat_deg), np.radians(lon_deg)
+    lat, lon, alt = np.radians(np.asarray(lat_deg)), np.radians(np.asarray(lon_deg)), np.asarray(alt_m)
     sin = np.sin(lat)
     radius = A_M / np.sqrt(1.0 - E2 * sin**2)  # of curvature, east to west
-    out = (radius + alt_m) * np.cos(lat)
-    return np.stack([out * np.cos(lon), out * np.sin(lon), ((1.0 - E2) * radius + alt_m) * sin], axis=-1)
+    out = (radius + alt) * np.cos(lat)
+    return np.stack([out * np.cos(lon), out * np.sin(lon), ((1.0 - E2) * radius + alt) * sin], axis=-1)
 
 
 def ecef_to_geodetic(ecef_m: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
