@@ -13,12 +13,11 @@ from gcs.commands.compiled import prepare
 from gcs.contract import messages
 from gcs.contract.config import Station
 from gcs.contract.frames import Frame, scene
-from gcs.contract.messages import Event, InputError, PartHealth
+from gcs.contract.messages import Event, InputError
 from gcs.outputs.console import Console
-from gcs.outputs.diary import Diary
 from gcs.outputs.disk import Tell, to_operator
 from gcs.outputs.publish import Publisher, Target
-from gcs.station.health import Feeds, Files, Monitor
+from gcs.station.health import Monitor
 from gcs.station.session import Session, Sink
 from gcs.station.sources.playback import Playback
 
@@ -107,23 +106,17 @@ def announcer(send_to: Sequence[Target]) -> Tell:
     return tell
 
 
-def diary(folder: Path, station: Station) -> Diary:
-    """The sink that keeps what was told."""
-    return Diary(folder, Monitor(station.sources, Files()))
-
-
 def new_session(
     station: Station,
     frame: Frame,
     records: Sequence[Sink],
     method: str,
     send_to: Sequence[Target],
-    feeds: Feeds,
+    monitor: Monitor,
     correction: Callable = off,
-    parts: Callable[[], dict[str, PartHealth]] = dict,
 ) -> Session:
     """A session with its sinks, compiled and ready for the first measurement."""
-    publishers = [Publisher(frame, Monitor(station.sources, feeds, parts), send_to)] if send_to else []
+    publishers = [Publisher(frame, monitor, send_to)] if send_to else []
     sinks: list[Sink] = [*publishers, *records, Console()]  # who waits for a state does not wait for files
     prepare()
     session = Session(station, frame, sinks, method, correction)

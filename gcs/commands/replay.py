@@ -10,7 +10,6 @@ from cyclopts import Parameter
 
 from gcs.commands.compose import (
     announcer,
-    diary,
     introduce,
     new_session,
     open_bus,
@@ -36,8 +35,9 @@ from gcs.contract.frames import Frame, origin_frame
 from gcs.contract.messages import InputError
 from gcs.learning.network import correction_of
 from gcs.outputs.console import say
+from gcs.outputs.diary import Diary
 from gcs.outputs.record import Record, stamp
-from gcs.station.health import Files
+from gcs.station.health import Files, Monitor
 from gcs.station.session import Session, Sink
 from gcs.station.sources import replay as driver
 from gcs.station.sources.playback import Playback
@@ -91,8 +91,9 @@ def command(
                 shown.clear()
             send_to = targets(bus, shown)
             records.append(Record(folder, heard, frame, announcer(send_to)))
-            kept: list[Sink] = [records[-1], diary(folder, heard)]
-            return new_session(heard, frame, kept, estimator, send_to, Files(), learned)
+            monitor = Monitor(heard.sources, Files())
+            kept: list[Sink] = [records[-1], Diary(folder, monitor)]
+            return new_session(heard, frame, kept, estimator, send_to, monitor, learned)
 
         on_signal(playback.stop)
         summary = driver.run(loaded, session, playback, stay=view)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from filters.correction.correction import off
 from gcs import __version__
-from gcs.commands.compose import diary, introduce, new_session, open_bus, open_view, targets
+from gcs.commands.compose import introduce, new_session, open_bus, open_view, targets
 from gcs.commands.options import run_folder, seconds_of
 from gcs.contract import messages
 from gcs.contract.config import Station
@@ -22,10 +22,12 @@ from gcs.contract.messages import Event
 from gcs.contract.supervision import Backoff, Supervisor, brief, log
 from gcs.outputs import log as logbook
 from gcs.outputs.console import say
+from gcs.outputs.diary import Diary
 from gcs.outputs.outbox import Outbox
 from gcs.outputs.publish import Target
 from gcs.outputs.record import stamp
 from gcs.outputs.recording import RunRecorder
+from gcs.station.health import Monitor
 from gcs.station.session import Session, Sink
 from gcs.station.sources import live
 
@@ -74,8 +76,9 @@ def serve(
         recorder = RunRecorder(folder, station, frame, _log, about)
         stack.callback(recorder.end)
         told = [*send_to, _note, recorder.target]
-        records: list[Sink] = [recorder, diary(folder, station)]
-        session = new_session(station, frame, records, method, told, feeds, correction, supervisor.health)
+        monitor = Monitor(station.sources, feeds, supervisor.health)
+        records: list[Sink] = [recorder, Diary(folder, monitor)]
+        session = new_session(station, frame, records, method, told, monitor, correction)
         supervisor.others = session.supervise()
         introduce(bus, station, frame)
         if station.mavlink.link:

@@ -28,7 +28,7 @@ class Publisher:
         self._smoothed_ns = 0
 
     def take(self, update: Update) -> None:
-        due = self._monitor.take(update)  # first: it knows how old each sensor's newest measurement is
+        self._monitor.see(update)  # it knows how old each sensor's newest measurement is
         for subject, track in (("state", update.track), ("smoothed", update.smoothed)):
             self._send_states(subject, track)
         for source, verdict in verdicts(update.judged, update.ledger):
@@ -37,7 +37,7 @@ class Publisher:
             failed = msgspec.structs.replace(self._last, seq=self._seq["state"], quality=FAILED)
             self._seq["state"] += 1
             self._send("state", failed)
-        for message in (*update.told, *due):
+        for message in (*update.told, *self._monitor.take(update)):
             self._send(type(message).__name__.lower(), message)
 
     def close(self, summary: dict, best: np.ndarray) -> None:

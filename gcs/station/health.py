@@ -71,14 +71,16 @@ class Tally:
     def outlier_share(self) -> float:
         return self._recent[1] / self._recent[0] if self._recent[0] else 0.0
 
-    def take(self, rows: np.ndarray, now_ns: int) -> None:
-        """Note (n,) ENTRY, new ones and those whose verdict has changed."""
-        valid = rows["t_ns"][rows["verdict"] < JUDGED]
-        fresh = np.unique(valid[valid > self.newest_ns]).tolist()
+    def see(self, t_ns: list[int]) -> None:
+        """Note the times of values, all that there are in this turn."""
+        fresh = sorted({t for t in t_ns if t > self.newest_ns})
         if fresh and self.newest_ns:
             step_s = (fresh[-1] - self.newest_ns) / len(fresh) / 1e9
             self.interval_s += (step_s - self.interval_s) / (8.0 if self.interval_s else 1.0)
-        self.stamps = [self.stamps[-1], *fresh]
+        self.stamps = [self.newest_ns, *fresh]
+
+    def take(self, rows: np.ndarray, now_ns: int) -> None:
+        """Note (n,) ENTRY, new ones and those whose verdict has changed."""
         bad = np.isin(rows["verdict"], OUTLIERS).tolist()
         fields = (rows[name].tolist() for name in ("t_ns", "measurement", "channel", "count"))
         self._now_ns, before_ns = now_ns, self._now_ns
@@ -136,7 +138,10 @@ class Tally:
 
 
 class Monitor:
-    """Watches the verdicts go by. All times are the data's own, and go on while nothing comes live."""
+    """Watches the verdicts go by. All times are the data's own, and go on while nothing comes live.
+
+    Several sinks may ask about one update; it is noted once.
+    """
 
     def __init__(self, sensors: list[str], feeds: Feeds, parts: Callable[[], dict[str, PartHealth]] = dict):
         self.now_ns = 0
@@ -145,12 +150,32 @@ class Monitor:
         self._data_ns = self._next_ns = self._checked_ns = self._resets = 0
         self._silent: set[str] = set()
         self._here: set[str] = set()
+        self._seen: Update | None = None
+        self._noted: Update | None = None
+        self._due: list[Health | Event] = []
+
+    def see(self, update: Update) -> None:
+        """Note only how new an update's measurements are: so much a state has to wait for."""
+        if update is self._seen:
+            return
+        self._seen, seen = update, dict[int, list[int]]()
+        valid = update.judged[update.judged["verdict"] < JUDGED]
+        for sensor, t_ns in zip(valid["sensor"].tolist(), valid["t_ns"].tolist(), strict=True):
+            seen.setdefault(sensor, []).append(t_ns)
+        for sensor, times in seen.items():
+            self._tallies[self._sensors[sensor]].see(times)
+            self._data_ns = max(self._data_ns, *times)
+        self._data_ns = max(self._data_ns, int(update.track["t_ns"].max(initial=0)))
 
     def take(self, update: Update) -> list[Health | Event]:
         """Note an update; gives the messages that are due."""
-        valid = update.judged["t_ns"][update.judged["verdict"] < JUDGED]
-        newest = [int(times.max(initial=0)) for times in (update.track["t_ns"], valid)]
-        self._data_ns = max(self._data_ns, *newest)
+        if update is self._noted:
+            return self._due
+        self.see(update)
+        self._noted, self._due = update, self._take(update)
+        return self._due
+
+    def _take(self, update: Update) -> list[Health | Event]:
         self.now_ns = max(self.now_ns, self._clock_ns())
         for index in np.unique(update.judged["sensor"]).tolist():
             rows = update.judged[update.judged["sensor"] == index]

@@ -160,3 +160,14 @@ def test_a_filter_that_has_lost_the_target_says_so():
     assert texts(run(Monitor(["radar"], Files()), lost)) == [
         "no state: the filter has lost the target, or has failed"
     ]
+
+
+def test_what_several_sinks_ask_about_is_noted_once():
+    monitor = Monitor(["radar"], Files())
+    once = update([S, 2 * S])
+    monitor.see(once)
+    assert monitor.ages_s(2 * S) == {"radar": 0.0}  # before anything is counted
+    told = monitor.take(once)
+    assert monitor.take(once) is told
+    radar = health(monitor.take(update([4 * S]))).sensors["radar"]
+    assert radar.rows == 3
