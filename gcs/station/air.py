@@ -6,6 +6,8 @@
 Everything follows from the data's own times, so a flight cut into other pieces gives the same.
 """
 
+from collections import deque
+
 import numpy as np
 
 from filters.models.rows import TRACK
@@ -28,7 +30,7 @@ class Air:
 
     def __init__(self):
         self._waiting = self._flown = np.empty(0, AIR)
-        self._recent = np.empty(0, TRACK)
+        self._recent: deque[np.ndarray] = deque()  # (k,) TRACK, in the order of time
         self._estimator: winds.WindEstimator | None = None
         self._reckoning: winds.DeadReckoning | None = None
         self._last = 0, 0.0, np.zeros(2)  # of the reckoning: t ns, height m, position east and north m
@@ -50,10 +52,11 @@ class Air:
         due = int(np.searchsorted(self._waiting["t_ns"], upto_ns, side="right"))
         samples, self._waiting = self._waiting[:due], self._waiting[due:]
         if not len(samples) and self._reckoning is None:
-            self._recent = _newest(np.concatenate([self._recent, track]))
+            self._keep(track)
             return track, []
-        known, flown = np.concatenate([self._recent, track]), np.concatenate([self._flown, samples])
-        begin, out = len(self._recent), []
+        recent = _newest(np.concatenate([np.empty(0, TRACK), *self._recent]))
+        known, flown = np.concatenate([recent, track]), np.concatenate([self._flown, samples])
+        begin, out = len(recent), []
         told: list[Wind | Event] = []
         at = np.searchsorted(known["t_ns"], samples["t_ns"], side="right")
         for sample, end in zip(samples, at.tolist(), strict=True):
@@ -64,7 +67,8 @@ class Air:
                 out.append(self._take(sample, known[:end], flown, told))
                 self._sampled_ns = int(sample["t_ns"])
         out.append(self._pass(known[begin:]))
-        self._recent, self._flown = _newest(known), _newest(flown)
+        self._flown = _newest(flown)
+        self._keep(track)
         return np.concatenate(out), told
 
     def report(self) -> dict | None:
@@ -84,6 +88,13 @@ class Air:
             "airspeed_scale": float(self._estimator.wind.airspeed_scale),
             "states_reckoned": self._reckoned,
         }
+
+    def _keep(self, track: np.ndarray) -> None:
+        """Remember (k,) TRACK for as long as it may be asked for."""
+        if len(track):
+            self._recent.append(track)
+        while self._recent and self._recent[0]["t_ns"][-1] <= self._recent[-1]["t_ns"][-1] - KEPT_NS:
+            self._recent.popleft()
 
     def _pass(self, rows: np.ndarray) -> np.ndarray:
         """The estimator's own rows, less those for which there are reckoned ones."""

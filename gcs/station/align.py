@@ -6,13 +6,44 @@ waited for at all. What comes later is handed on at once; the filter's window ta
 replay all data are there, so the caller says how far.
 """
 
+from collections import deque
+from typing import NamedTuple
+
 import numpy as np
 
 from filters.models.rows import ROW
 
 MEMORY_NS = 5_000_000_000  # repeats are looked for this far back: longer than any window, any resend
-EARLY = 0.9  # a source is due after this part of its usual interval: allows for 10 % jitter
+EARLY = 0.9  # a source may be due after this part of its usual interval, however steady it is …
+MARGIN = 4.0  # … or so many usual deviations before it is over, where that is later
+GAIN = 1 / 8  # of a new interval, in the usual one and its deviation
 GONE_NS = 1_000_000_000  # a source silent for this long is no longer waited for
+
+
+class Beat(NamedTuple):
+    """When a source speaks: its newest time, when that came, its usual interval and deviation, all in ns."""
+
+    newest_ns: int
+    arrival_ns: int
+    interval_ns: float = 0.0
+    deviation_ns: float = 0.0
+
+    def next(self, newest_ns: int, arrival_ns: int) -> "Beat":
+        """With one more time. Mean and mean deviation as those of round trips: Jacobson 1988, appendix A."""
+        step = newest_ns - self.newest_ns
+        if step <= 0:
+            return self._replace(arrival_ns=arrival_ns)
+        if not self.interval_ns:
+            return Beat(newest_ns, arrival_ns, step, (1.0 - EARLY) * step / MARGIN)
+        off = step - self.interval_ns
+        deviation = self.deviation_ns + GAIN * (abs(off) - self.deviation_ns)
+        return Beat(newest_ns, arrival_ns, self.interval_ns + GAIN * off, deviation)
+
+    @property
+    def due_ns(self) -> int:
+        """Nothing of this source is expected up to then."""
+        quiet = max(EARLY * self.interval_ns, self.interval_ns - MARGIN * self.deviation_ns)
+        return self.newest_ns + int(quiet)
 
 
 class Align:
@@ -21,8 +52,9 @@ class Align:
     def __init__(self, hold_s: float):
         self._hold_ns = round(hold_s * 1e9)
         self._waiting = np.empty(0, dtype=ROW)
-        self._released = np.empty(0, dtype=ROW)
-        self._pace: dict[int, tuple[int, int, int]] = {}  # sensor → newest t, its arrival, usual interval
+        self._known: set[tuple[int, int, int]] = set()  # (time, sensor, channel) of what was released
+        self._released: deque[tuple[int, int, int]] = deque()  # the same in this order
+        self._beats: dict[int, Beat] = {}  # by sensor
         self._arrivals: list[tuple[int, int]] = []  # (arrival, newest t) of what waits
 
     @property
@@ -32,25 +64,21 @@ class Align:
 
     def add(self, rows: np.ndarray, arrival_ns: int | None = None) -> None:
         """Take (n,) ROW in any order; ``arrival_ns`` where they came live."""
-        self._waiting = np.concatenate([self._waiting, rows])
+        self._waiting = np.concatenate([self._waiting, rows], dtype=ROW)
         if arrival_ns is None or not len(rows):
             return
         self._arrivals.append((arrival_ns, int(rows["t_ns"].max())))
-        for sensor in np.unique(rows["sensor"]).tolist():
-            newest = int(rows["t_ns"][rows["sensor"] == sensor].max())
-            last, _, interval = self._pace.get(sensor, (newest, arrival_ns, 0))
-            step = newest - last
-            usual = step if interval == 0 else interval + (step - interval) // 8
-            self._pace[sensor] = (max(newest, last), arrival_ns, usual if step > 0 else interval)
+        for sensor in set(rows["sensor"].tolist()):
+            newest_ns = int(rows["t_ns"][rows["sensor"] == sensor].max())
+            beat = self._beats.get(sensor, Beat(newest_ns, arrival_ns))
+            self._beats[sensor] = beat.next(newest_ns, arrival_ns)
 
     def due_ns(self, now_ns: int) -> int:
         """The time up to which nothing earlier is still expected, or has been waited for long enough."""
-        talking = [pace for pace in self._pace.values() if now_ns - pace[1] < GONE_NS]
-        promptest = min((arrival - newest for newest, arrival, _ in talking), default=0)
+        talking = [beat for beat in self._beats.values() if now_ns - beat.arrival_ns < GONE_NS]
+        promptest = min((beat.arrival_ns - beat.newest_ns for beat in talking), default=0)
         expected = [
-            newest + int(EARLY * interval)
-            for newest, arrival, interval in talking
-            if arrival - newest - promptest <= self._hold_ns
+            beat.due_ns for beat in talking if beat.arrival_ns - beat.newest_ns - promptest <= self._hold_ns
         ]
         overdue = [newest for arrival, newest in self._arrivals if now_ns - arrival >= self._hold_ns]
         self._arrivals = [a for a in self._arrivals if now_ns - a[0] < self._hold_ns]
@@ -60,18 +88,15 @@ class Align:
         """(n,) ROW up to ``upto_ns`` in time order, and (d,) ids of rows that repeat an earlier one."""
         ready = self._waiting["t_ns"] <= upto_ns
         rows, self._waiting = self._waiting[ready], self._waiting[~ready]
-        if not len(rows):
-            return rows, rows["id"]
-        begin = np.searchsorted(self._released["t_ns"], rows["t_ns"].min())
-        known = np.concatenate([self._released[begin:], rows])
-        fresh = np.arange(len(known)) >= len(known) - len(rows)
-        order = np.lexsort((known["id"], known["channel"], known["sensor"], known["t_ns"]))
-        known, fresh = known[order], fresh[order]
-        repeats = np.zeros(len(known), dtype=bool)
-        repeats[1:] = np.logical_and.reduce(
-            [known[field][1:] == known[field][:-1] for field in ("t_ns", "sensor", "channel")]
-        )
-        duplicates, known, fresh = known["id"][repeats], known[~repeats], fresh[~repeats]
-        oldest = np.searchsorted(self._released["t_ns"], known["t_ns"][-1] - MEMORY_NS, side="right")
-        self._released = np.concatenate([self._released[min(oldest, begin) : begin], known])
-        return known[fresh], duplicates
+        rows = rows[np.lexsort([rows[name] for name in ("id", "channel", "sensor", "t_ns")])]
+        fresh = np.ones(len(rows), dtype=bool)
+        for k, key in enumerate(
+            zip(*(rows[name].tolist() for name in ("t_ns", "sensor", "channel")), strict=True)
+        ):
+            fresh[k] = key not in self._known
+            if fresh[k]:
+                self._known.add(key)
+                self._released.append(key)
+        while self._released and self._released[0][0] < self._released[-1][0] - MEMORY_NS:
+            self._known.discard(self._released.popleft())
+        return rows[fresh], rows["id"][~fresh]

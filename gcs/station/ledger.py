@@ -123,6 +123,9 @@ class Ledger:
         done = held[:n].copy()
         for index in self.parting:
             self._remarks.pop(index, None)
+        if not n:
+            self.parting = {}
+            return done
         codes = done["reason"][done["reason"] < 0].tolist()
         self.parting = {code: self._remarks[code] for code in codes}
         np.add.at(self.counts, (done["sensor"], done["channel"], done["verdict"]), done["count"])

@@ -18,15 +18,13 @@ class Pace:
 
     def take(self, t_ns: np.ndarray) -> None:
         """Note valid times (n,) int64, the next ones; what is older than those before is left out."""
-        t_ns = np.unique(t_ns)
-        if self._newest_ns is not None:
-            t_ns = np.append(np.int64(self._newest_ns), t_ns[t_ns > self._newest_ns])
-        if not len(t_ns):
-            return
-        self._newest_ns = int(t_ns[-1])
-        steps_ns = np.diff(t_ns)
-        self._longest_ns = max(self._longest_ns, int(steps_ns.max(initial=0)))
-        self._steps.update(((steps_ns + GRAIN_NS // 2) // GRAIN_NS).tolist())
+        for t in sorted(t_ns.tolist()):
+            step_ns = 0 if self._newest_ns is None else t - self._newest_ns
+            if step_ns > 0:
+                self._longest_ns = max(self._longest_ns, step_ns)
+                self._steps[(step_ns + GRAIN_NS // 2) // GRAIN_NS] += 1
+            if step_ns > 0 or self._newest_ns is None:
+                self._newest_ns = t
 
     def report(self) -> dict:
         """For the summary: usual rate, gaps, the longest of all intervals."""

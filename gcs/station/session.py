@@ -107,7 +107,7 @@ class Session:
     def advance(self, upto_ns: int, events: Sequence[Event] = ()) -> None:
         """One turn of the loop, over everything valid up to ``upto_ns``; the source's ``events`` go along."""
         rows, repeats = self.align.release(upto_ns)  # one time-ordered stream
-        for sensor in np.unique(rows["sensor"]).tolist():
+        for sensor in set(rows["sensor"].tolist()):
             self._pace[sensor].take(rows["t_ns"][rows["sensor"] == sensor])
         self._judged.append(
             self.ledger.dismiss(

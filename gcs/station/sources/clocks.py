@@ -57,19 +57,24 @@ class Voter:
     def __init__(self) -> None:
         self.lags: deque[tuple[int, int]] = deque(maxlen=256)  # (arrival, lag of the promptest) by turn
         self.lied_ns: int | None = None  # arrival of its newest lie, None while it is right
+        self._usual: tuple[float, float] | None = None  # (rate, its lag at that rate when it spoke last)
         self.drifts = False
         self._apart_s: deque[float] = deque(maxlen=DRIFT_S + 1)  # lag beyond the flight's, once a second
 
     def hear(self, lags: np.ndarray, arrival_ns: int) -> None:
         """Take (n,) lags of one turn: the second smallest of many, so that one wild stamp is no vote."""
         few = np.partition(lags, 1)[1] if len(lags) > 2 else lags.min()
+        self._usual = None
         self.lags.append((arrival_ns, int(few)))
         while len(self.lags) > FEWEST and arrival_ns - self.lags[0][0] > SPAN_NS:
             self.lags.popleft()
 
     def lag_ns(self, now_ns: int, rate: float) -> int:
         """Its usual lag, carried on to now."""
-        return int(median(lag + rate * (now_ns - arrival) for arrival, lag in self.lags))
+        spoke_ns = self.lags[-1][0]
+        if self._usual is None or self._usual[0] != rate:  # asked for several times a turn
+            self._usual = rate, median(lag + rate * (spoke_ns - arrival) for arrival, lag in self.lags)
+        return int(self._usual[1] + rate * (now_ns - spoke_ns))
 
     def watch(self, apart_s: float) -> None:
         """Take its lag beyond the flight's, once a second: does it drift?"""
