@@ -167,14 +167,20 @@ class Beside:
         self._thread = threading.Thread(target=self._run, name="run folder", daemon=True)
         self._thread.start()
 
-    def put(self, work: Callable[[], object], size: int = 1, *, refuse: bool = True) -> bool:
-        """Have ``work`` done; false where more than ``WAITING_WORK`` waits already, by ``size``."""
+    def put(
+        self, work: Callable[[], object], size: int = 1, *, refuse: bool = True, wake: bool = True
+    ) -> bool:
+        """Have ``work`` done; false where more than ``WAITING_WORK`` waits already, by ``size``.
+
+        Without ``wake`` it may wait for the next piece, or for ``IDLE_S``: who puts it has no time to share.
+        """
         with self._changed:
             if refuse and self._size >= WAITING_WORK:
                 return False  # one piece may be larger than all that may wait: it is taken
             self._work.append((work, size))
             self._size += size
-            self._changed.notify()
+            if wake:
+                self._changed.notify()
         return True
 
     def check(self) -> None:

@@ -29,7 +29,8 @@ from gcs.station.sources.live import Arrived
 from gcs.station.sources.recording import ABOUT, RAW, RECORDING, STATION, TURN, TurnMark
 
 LINK = "link.tlog"
-FLUSH_S = 0.3  # a kill costs at most so much, and what has come in since the last turn
+FLUSH_S = 0.2  # a kill costs at most so much, and what has come in since the last turn
+SYNC_S = 1.0  # … and a power cut: the disk itself is asked less often, for a write may have to wait meanwhile
 CHUNK_BYTES = 2**26  # more than comes in within FLUSH_S: a chunk ends where we say, between two turns
 PATIENCE_S = 20.0  # at the end, for a disk that is slow
 LAST_TRY_S = 3.0  # … for one that refuses
@@ -71,7 +72,7 @@ class McapFile:
         self._chunks = Chunks(file)
         self._names = station.range.name, station.vehicle.name
         self._channels: dict[tuple[str, str], int] = {}
-        self._flushed_s = time.monotonic()
+        self._flushed_s = self._synced_s = time.monotonic()
         self._syncing = Beside(int)
         self._writer = Writer(self._chunks, chunk_size=CHUNK_BYTES)  # type: ignore[arg-type]
         self._writer.start(profile="", library=f"gcs {about['version']}")
@@ -101,6 +102,8 @@ class McapFile:
         if now_s - self._flushed_s >= FLUSH_S:
             self._flushed_s = now_s
             self._writer.flush()
+        if now_s - self._synced_s >= SYNC_S:
+            self._synced_s = now_s
             # beside, one at a time: a disk that takes seconds for it must not keep the next turns waiting
             self._syncing.put(self.file.sync, WAITING_WORK)
 
@@ -142,7 +145,10 @@ class McapFile:
 
 
 class RunRecorder:
-    """All of a run that goes to its folder: a sink, a target of messages, the tap of turns and link."""
+    """All of a run that goes to its folder: a sink, a target of messages, the tap of turns and link.
+
+    The writing thread is woken at the end of a turn: until then the session has the processor for the state.
+    """
 
     name = "record"  # for the operator
 
@@ -185,7 +191,7 @@ class RunRecorder:
             "smoothed.csv": len(update.smoothed),
             "verdicts.csv": len(update.retired),
         }
-        self._put(partial(self._record.take, update), 1 + sum(rows.values()), rows)
+        self._put(partial(self._record.take, update), 1 + sum(rows.values()), rows, wake=True)
         self._beside.check()
 
     def close(self, summary: dict, best: np.ndarray) -> None:
@@ -219,9 +225,11 @@ class RunRecorder:
                     ("error", f"{file.path}: ends early, {file.lost} frames or turns are missing")
                 )
 
-    def _put(self, work: Callable[[], object], size: int, units: dict[str, int]) -> None:
+    def _put(
+        self, work: Callable[[], object], size: int, units: dict[str, int], *, wake: bool = False
+    ) -> None:
         """Have it done beside, or count what is refused, by file."""
-        taken = self._beside.put(work, size)
+        taken = self._beside.put(work, size, wake=wake)
         if not taken:
             self._refused.update(units)
         if taken == self._behind:

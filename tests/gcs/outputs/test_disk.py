@@ -141,6 +141,18 @@ def test_beside_takes_one_piece_of_any_size(monkeypatch):
     assert done == [1]
 
 
+def test_beside_leaves_the_processor_alone_until_it_is_woken(monkeypatch):
+    monkeypatch.setattr(disk, "IDLE_S", 60.0)
+    beside, done = Beside(int), threading.Event()
+    assert beside.put(int)
+    beside.wait(10.0)
+    assert beside.put(done.set, wake=False)
+    assert not done.wait(0.05)
+    assert beside.put(int)
+    assert done.wait(10.0)
+    assert beside.end(10.0)
+
+
 def test_beside_goes_on_after_a_fault_and_tells_it_once():
     beside, done = Beside(int), []
     beside.put(lambda: 1 / 0)
