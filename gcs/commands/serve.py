@@ -34,7 +34,7 @@ from gcs.station.sources import live
 if TYPE_CHECKING:
     from gcs.contract.wire.bus import Bus
 
-SWITCH_S = 0.0005  # of threads: with Python's 5 ms a state waits so long for the thread that sends it
+SWITCH_S = 0.0001  # of threads: with Python's 5 ms a state waits so long for the thread that sends it
 LAST_TRIES = 20  # failures of the loop without a minute's work between them: nothing can go on
 
 

@@ -2,7 +2,7 @@
 
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any, Protocol
 
 import msgspec
@@ -75,14 +75,17 @@ class Subscription:
         """
         return self._read_all(self._inbox.take(timeout_s))
 
-    def turns(self, stop: threading.Event, timeout_s: float) -> Iterator[tuple[int, list[tuple[str, ANY]]]]:
+    def turns(
+        self, stop: threading.Event, patience_s: Callable[[], float]
+    ) -> Iterator[tuple[int, list[tuple[str, ANY]]]]:
         """When it arrived, and what `drain` gives, a turn at a time, until ``stop``; then what is left.
 
-        Not when it is read: a reader that was away must not call late what came in time. What could not be
-        taken in within LAST_S after ``stop`` comes last of all, as lost.
+        Not when it is read: a reader that was away must not call late what came in time. Without a message
+        a turn comes after ``patience_s``, asked anew each time. What could not be taken in within LAST_S
+        after ``stop`` comes last of all, as lost.
         """
         while not stop.is_set():
-            items = self._inbox.take(timeout_s, TURN)
+            items = self._inbox.take(patience_s(), TURN)
             yield self._inbox.arrived_ns, self._read_all(items)
         end_s = time.monotonic() + LAST_S
         while (items := self._inbox.take(0.0, TURN)) and time.monotonic() < end_s:

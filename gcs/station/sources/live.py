@@ -3,6 +3,7 @@
 import threading
 from collections import Counter
 from collections.abc import Callable, Sequence
+from functools import partial
 from itertools import groupby
 from typing import TYPE_CHECKING
 
@@ -17,7 +18,8 @@ if TYPE_CHECKING:  # a replay of a recording takes the same turns, and needs no 
     from gcs.contract.wire.bus import Bus
 
 SETTLE_S = 1.0  # a restarted station is given what the bridges kept; all of it, before the first row goes in
-POLL_S = 0.01  # how long one turn waits for the first measurement; also how often a hold can run out
+POLL_S = 0.01  # while a row waits for others: how often its hold can run out
+IDLE_S = 0.1  # … and while none does: how often silence is looked at, and a stop
 CELL_NS = 100_000_000  # of stamps: in one of them a source has twice what its rate allows, and no more
 CELLS = 50  # of a source that are remembered
 CROWD = "more at once than its rate allows: refused, so that the others are judged in time"
@@ -107,7 +109,7 @@ def run(
 ) -> dict:
     """Serve until ``stop``; returns the summary. ``keep`` is given each turn before anything is decided."""
     stop.wait(SETTLE_S)
-    for arrival_ns, arrived in feeds.incoming.turns(stop, POLL_S):
+    for arrival_ns, arrived in feeds.incoming.turns(stop, partial(patience_s, session, feeds)):
         keep(arrival_ns, arrived)
         turn(session, feeds, arrived, arrival_ns)
     queue = feeds.incoming
@@ -115,6 +117,11 @@ def run(
     lost = {"queue_full": queue.dropped, "on_the_way": queue.missed, "undecodable": queue.undecodable}
     lost |= {"second_publisher": others}
     return finish(session, feeds, {"bus": lost})
+
+
+def patience_s(session: Session, feeds: Arrivals) -> float:
+    """How long the next turn may wait for a message."""
+    return POLL_S if feeds.waiting or len(session.align.waiting_ids) else IDLE_S
 
 
 def turn(session: Session, feeds: Arrivals, arrived: Arrived, arrival_ns: int) -> None:
