@@ -39,7 +39,10 @@ class Frame(NamedTuple):
         return ecef_to_geodetic(enu_m @ rotation + origin)
 
     def turn(self, vectors: np.ndarray, lat_deg: np.ndarray, lon_deg: np.ndarray) -> np.ndarray:
-        """(n, 3) vectors in the local ENU frames at (lat, lon), each (n,), turned into station ENU."""
+        """(n, 3) vectors in the local ENU frames at (lat, lon), each (n,), turned into station ENU.
+
+        Or (n, k, 3), k of them at each of (n, 1) places.
+        """
         (east, north, up), rotation = np.moveaxis(vectors, -1, 0), _at(self)[0]
         lat, lon = np.radians(lat_deg), np.radians(lon_deg)
         out = np.cos(lat) * up - np.sin(lat) * north  # away from the Earth's axis

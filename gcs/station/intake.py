@@ -13,6 +13,7 @@ from gcs.contract.messages import CHANNELS, Bad
 from gcs.station.ledger import ANGLES, ENTRY, NO_TIME, PENDING, Ledger
 
 POLAR_FIELDS = ("range_m", "azimuth_deg", "elevation_deg", "range_rate_mps")
+TURNED = ("ve_mps", "vn_mps", "vu_mps", "ae_mps2", "an_mps2", "au_mps2")  # two vectors at the aircraft
 LOW, HIGH = np.array([limits.CHANNEL[name] for name in CHANNELS]).T
 FINEST, COARSEST = np.array([limits.SIGMA[name] for name in POLAR_FIELDS]).T
 
@@ -106,13 +107,9 @@ class Intake:
         position = self.frame.to_enu(lat, lon, measured["alt_msl_m"] + self._separation(measured))
         where = np.isfinite(lat) & np.isfinite(lon)
         here = np.where(where, lat, self.frame.lat_deg), np.where(where, lon, self.frame.lon_deg)
-        velocity = self.frame.turn(
-            np.stack([measured[f] for f in ("ve_mps", "vn_mps", "vu_mps")], axis=1), *here
-        )
-        turned = self.frame.turn(
-            np.stack([measured[f] for f in ("ae_mps2", "an_mps2", "au_mps2")], axis=1), *here
-        )
-        values = np.concatenate([position, velocity, turned], axis=1)
+        local = np.stack([measured[field] for field in TURNED], axis=1).reshape(-1, 2, 3)
+        turned = self.frame.turn(local, *(angle[:, np.newaxis] for angle in here))
+        values = np.concatenate([position, turned.reshape(-1, 6)], axis=1)
         batch = self._batch("ins", measured["t_ns"], values, CHANNELS.index("e"), position)
         guessed = (measured["dead_reckoned"] > 0)[batch.entries["measurement"]]
         guessed &= batch.entries["channel"] < CHANNELS.index("ae")
