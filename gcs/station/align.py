@@ -1,9 +1,9 @@
 """Time alignment: one time-ordered stream of rows out of feeds with different clocks, delays and rates.
 
 Live, a row waits until no earlier one can still be expected: every source that is talking has either passed
-its time or is not due before it. ``hold_s`` bounds the wait; a source that is always later than that is not
-waited for at all. What comes later is handed on at once; the filter's window takes it in or calls it late. In
-replay all data are there, so the caller says how far.
+its time or is not due before it. ``hold_s`` bounds the wait; a source that is always later than that, or has
+missed its turn by as much, is not waited for at all. What comes later is handed on at once; the filter's
+window takes it in or calls it late. In replay all data are there, so the caller says how far.
 """
 
 from collections import deque
@@ -17,7 +17,8 @@ MEMORY_NS = 5_000_000_000  # repeats are looked for this far back: longer than a
 EARLY = 0.9  # a source may be due after this part of its usual interval, however steady it is …
 MARGIN = 4.0  # … or so many usual deviations before it is over, where that is later
 GAIN = 1 / 8  # of a new interval, in the usual one and its deviation
-GONE_NS = 1_000_000_000  # a source silent for this long is no longer waited for
+GONE_NS = 1_000_000_000  # a source silent for this long is not waited for, however slow it usually is
+LONG_AGO_NS = -(2**62)
 
 
 class Beat(NamedTuple):
@@ -73,9 +74,14 @@ class Align:
             beat = self._beats.get(sensor, Beat(newest_ns, arrival_ns))
             self._beats[sensor] = beat.next(newest_ns, arrival_ns)
 
+    def pass_over(self, sensor: int) -> None:
+        """What comes of a source is refused: nobody waits for it until a row of it is taken again."""
+        if sensor in self._beats:
+            self._beats[sensor] = self._beats[sensor]._replace(arrival_ns=LONG_AGO_NS)
+
     def due_ns(self, now_ns: int) -> int:
         """The time up to which nothing earlier is still expected, or has been waited for long enough."""
-        talking = [beat for beat in self._beats.values() if now_ns - beat.arrival_ns < GONE_NS]
+        talking = [beat for beat in self._beats.values() if now_ns - beat.arrival_ns < self._gone_ns(beat)]
         promptest = min((beat.arrival_ns - beat.newest_ns for beat in talking), default=0)
         expected = [
             beat.due_ns for beat in talking if beat.arrival_ns - beat.newest_ns - promptest <= self._hold_ns
@@ -83,6 +89,10 @@ class Align:
         overdue = [newest for arrival, newest in self._arrivals if now_ns - arrival >= self._hold_ns]
         self._arrivals = [a for a in self._arrivals if now_ns - a[0] < self._hold_ns]
         return max([min(expected, default=0), *overdue])
+
+    def _gone_ns(self, beat: Beat) -> float:
+        """A source silent for this long is no longer waited for."""
+        return min(GONE_NS, beat.interval_ns + self._hold_ns)
 
     def release(self, upto_ns: int) -> tuple[np.ndarray, np.ndarray]:
         """(n,) ROW up to ``upto_ns`` in time order, and (d,) ids of rows that repeat an earlier one."""

@@ -1,15 +1,15 @@
 """Where messages wait for their reader: bounded, a queue and an allowance for each source.
 
 A source that sends more than its rate loses what is beyond it; one that sends `WILD` times what it may
-within a second is no instrument any more: what waits of it goes, and it gets little until it keeps to its
-rate again. Where all together are more than the reader can take, the one with the most waiting loses its
+within a second is no instrument any more: what waits of it goes, and nothing of it is taken until it keeps to
+its rate again. Where all together are more than the reader can take, the one with the most waiting loses its
 oldest and, while that lasts, some of its rate. So no source can push out another. A reader that was away and
 catches up loses nothing. What was lost is counted by source and handed on as `Excess`, once a second.
 """
 
 import heapq
 import threading
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
@@ -26,10 +26,11 @@ BEHIND_S = 1.0  # a reader whose oldest item has waited for so long is behind
 PATIENCE_S = 3.0  # it may be a hiccup; behind for so long, it cannot keep up
 GAIN = 0.5  # … unless what waits gets younger by so much of the time: then it catches up
 WILD_S = 0.1  # both, where a source is beyond its limits
-WILD, WILD_SHARE = 3, 1 / 16  # times its burst within a second; of its rate, what it then gets
+WILD = 2  # times its burst within a second
 EASE_S = 10.0  # abreast for so long, it gets more again
 LEAST_SHARE = 1 / 64  # of a source's rate
 SLOW = "faster than it can be taken in"
+FULL, OVER_LIMIT, LEFT = CAUSES = "queue_full", "over_limit", "not_taken_in"  # as the summary counts them
 
 
 class Excess(NamedTuple):
@@ -60,7 +61,7 @@ class _Queue:
 
     @property
     def rate_hz(self) -> float:
-        return self.limits.rate_hz * (min(self.share, WILD_SHARE) if self.wild else self.share)
+        return 0.0 if self.wild else self.limits.rate_hz * self.share
 
     def hear(self, now_s: float) -> bool:
         """Count one message; True when it makes the source a wild one."""
@@ -92,8 +93,7 @@ class Inbox:
     """See the module's text. ``capacity`` items wait at most; ``limits_of`` gives those of a key's source."""
 
     def __init__(self, capacity: int, limits_of: Callable[[str], Limits] = lambda _key: Limits()):
-        self.dropped = 0  # because the reader was too slow
-        self.refused = 0  # beyond the rate or the size
+        self.lost = Counter(dict.fromkeys(CAUSES, 0))  # messages by cause
         self._capacity, self._limits_of = capacity, limits_of
         self._queues: dict[str, _Queue] = {}
         self._count = self._number = self._kept = 0  # waiting; put so far; last one that was kept for us
@@ -121,12 +121,13 @@ class Inbox:
             queue = self._queues.get(source) or self._queue(source)
             if not kept and queue.hear(now_s):
                 queue.allowance = 0.0
-                self._drop(queue, len(queue.waiting), now_s, f"more than {queue.limits.rate_hz:g} a second")
+                why = f"more than {queue.limits.rate_hz:g} a second"
+                self._drop(queue, len(queue.waiting), now_s, OVER_LIMIT, why)
             if size > LARGEST_BYTES:
-                self.refused += 1
+                self.lost[OVER_LIMIT] += 1
                 queue.lose(f"more than {LARGEST_BYTES} bytes", now_s)
             elif not kept and not queue.allows(now_s):
-                self.refused += 1
+                self.lost[OVER_LIMIT] += 1
                 queue.lose(f"more than {queue.limits.rate_hz * queue.share:g} a second", now_s)
             else:
                 if self._count == self._capacity:
@@ -163,7 +164,7 @@ class Inbox:
         """At the end: all that was lost and is not told yet, and what still waits as lost too."""
         with self._filled:
             for queue in self._queues.values():
-                self._drop(queue, len(queue.waiting), _now_s(), "the station was stopped before")
+                self._drop(queue, len(queue.waiting), _now_s(), LEFT, "the station was stopped before")
                 queue.told_s = -1e9
             return list(self._losses(_now_s()))
 
@@ -175,12 +176,12 @@ class Inbox:
         heads = [queue.waiting[0][1] for queue in self._queues.values() if queue.waiting]
         return now_s - min(heads) / S if heads else 0.0
 
-    def _drop(self, queue: _Queue, count: int, now_s: float, why: str = SLOW) -> None:
+    def _drop(self, queue: _Queue, count: int, now_s: float, cause: str = FULL, why: str = SLOW) -> None:
         for _ in range(count):
             queue.waiting.popleft()
             queue.lose(why, now_s)
         self._count -= count
-        self.dropped += count
+        self.lost[cause] += count
 
     def _relieve(self, now_s: float) -> None:
         """A reader that stays behind gets less of the noisiest source; once it keeps up, more again.

@@ -53,9 +53,9 @@ class Subscription:
         self._lock = threading.Lock()
 
     @property
-    def dropped(self) -> int:
-        """Messages lost because they came faster than they were drained."""
-        return self._inbox.dropped
+    def lost(self) -> dict[str, int]:
+        """Messages that came and were not handed on, by cause: see `Inbox`."""
+        return dict(self._inbox.lost)
 
     @property
     def age_s(self) -> float:

@@ -22,6 +22,9 @@ POLL_S = 0.01  # while a row waits for others: how often its hold can run out
 IDLE_S = 0.1  # … and while none does: how often silence is looked at, and a stop
 CELL_NS = 100_000_000  # of stamps: in one of them a source has twice what its rate allows, and no more
 CELLS = 50  # of a source that are remembered
+FIRST = (
+    12  # in a cell of a source that has shown nothing yet: the fastest instruments known send 110 a second
+)
 CROWD = "more at once than its rate allows: refused, so that the others are judged in time"
 STRANGERS = 50  # unknown names that are counted apart
 
@@ -30,20 +33,24 @@ Keep = Callable[[int, Arrived], None]
 
 
 class Crowd:
-    """How many measurements of each source there are by time: a burst costs the filter whole seconds."""
+    """How many measurements of each source there are by time: a burst costs the filter whole seconds.
+
+    A cell takes twice what its source may send, and no more than twice what it has sent in an earlier one.
+    """
 
     def __init__(self) -> None:
-        self._counts: dict[str, dict[int, int]] = {}
+        self._taken: dict[str, dict[int, int]] = {}
 
     def too_many(self, name: str, t_ns: np.ndarray, rate_hz: float) -> np.ndarray:
         """(n,) bool, which of a source's measurements at (n,) ``t_ns`` are beyond what a cell takes."""
-        counts, most = self._counts.setdefault(name, {}), max(2, round(2e-9 * rate_hz * CELL_NS))
+        taken, most = self._taken.setdefault(name, {}), max(2, round(2e-9 * rate_hz * CELL_NS))
         found = np.zeros(len(t_ns), bool)
         for k, cell in enumerate((t_ns // CELL_NS).tolist()):
-            counts[cell] = counts.get(cell, 0) + 1
-            found[k] = counts[cell] > most
-            if len(counts) > CELLS:
-                del counts[next(iter(counts))]
+            shown = max((count for other, count in taken.items() if other != cell), default=0)
+            found[k] = taken.setdefault(cell, 0) >= min(most, max(FIRST, 2 * shown))
+            taken[cell] += not found[k]
+            if len(taken) > CELLS:
+                del taken[next(iter(taken))]
         return found
 
 
@@ -113,9 +120,8 @@ def run(
         keep(arrival_ns, arrived)
         turn(session, feeds, arrived, arrival_ns)
     queue = feeds.incoming
-    others = sum(queue.holders.refused.values())
-    lost = {"queue_full": queue.dropped, "on_the_way": queue.missed, "undecodable": queue.undecodable}
-    lost |= {"second_publisher": others}
+    lost = {"on_the_way": queue.missed, "undecodable": queue.undecodable}
+    lost |= {"second_publisher": sum(queue.holders.refused.values())} | queue.lost
     return finish(session, feeds, {"bus": lost})
 
 
@@ -160,6 +166,7 @@ def _enter_waiting(session: Session, feeds: Arrivals) -> None:
         bad = [_no_measurement(name, message) for message in found if not isinstance(message, _kind(name))]
         if bad:
             session.enter(session.intake.bad(name, bad), arrival_ns)
+            session.align.pass_over(session.ledger.sensors.index(name))
         if good:
             _enter(session, name, messages.to_columns(good, _kind(name)), feeds, arrival_ns)
     feeds.waiting.clear()
@@ -177,6 +184,8 @@ def _enter(session: Session, name: str, measured: np.ndarray, feeds: Arrivals, a
     crowd = crowd[batch.entries["measurement"]]
     batch.complaints[crowd] = session.ledger.reason(CROWD)
     session.enter(batch, arrival_ns)
+    if crowd.any():
+        session.align.pass_over(session.ledger.sensors.index(name))
 
 
 def _kind(name: str) -> type[InsMeasurement | AirData | PolarMeasurement]:

@@ -56,3 +56,38 @@ def test_a_silent_source_is_not_waited_for():
     for k in range(3, 20):
         align.add(rows((10 + k, 100 * k, 1, 0)), 100 * k * MS)
     assert align.due_ns(1900 * MS) >= 1900 * MS
+
+
+def test_a_source_that_has_missed_its_turn_is_not_waited_for():
+    """As one that was refused for flooding: from then on nobody's rows wait, not each for ``hold_s`` anew."""
+    align = Align(hold_s=0.3)
+    for k in range(10):
+        for sensor in (1, 2):
+            align.add(rows((2 * k + sensor, 50 * k, sensor, 0)), 50 * k * MS)
+    align.add(rows((30, 500, 1, 0)), 500 * MS)
+    assert align.due_ns(501 * MS) < 500 * MS
+    align.add(rows((31, 801, 1, 0)), 801 * MS)
+    assert align.due_ns(802 * MS) >= 801 * MS
+
+
+def test_nobody_waits_for_a_source_that_is_refused_until_it_is_taken_again():
+    align = Align(hold_s=0.3)
+    for k in range(10):
+        for sensor in (1, 2):
+            align.add(rows((2 * k + sensor, 50 * k, sensor, 0)), 50 * k * MS)
+    align.pass_over(2)
+    align.pass_over(3)  # nobody that is known
+    align.add(rows((30, 500, 1, 0)), 500 * MS)
+    assert align.due_ns(501 * MS) >= 500 * MS
+    align.add(rows((31, 500, 2, 0)), 502 * MS)
+    align.add(rows((32, 550, 1, 0)), 550 * MS)
+    assert align.due_ns(551 * MS) < 550 * MS
+
+
+def test_a_steady_source_is_waited_for_just_before_it_is_due_and_an_unsteady_one_from_then_on_as_before():
+    steady, shaky = Align(hold_s=0.3), Align(hold_s=0.3)
+    for k in range(100):
+        steady.add(rows((k, 100 * k, 1, 0)), 100 * k * MS)
+        shaky.add(rows((k, 100 * k + (10 if k % 2 else -10), 1, 0)), 100 * k * MS)
+    assert 9_999 * MS < steady.due_ns(9_950 * MS) < 10_000 * MS
+    assert shaky.due_ns(9_950 * MS) == 9_910 * MS + int(0.9 * shaky._beats[1].interval_ns)

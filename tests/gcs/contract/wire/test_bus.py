@@ -37,7 +37,7 @@ def test_a_burst_from_three_processes_arrives_once_and_in_order(station, endpoin
         got = collect(subscription, 3 * count, 60.0)
     for source in sources:
         assert [message.t_ns for name, message in got if name == source] == list(range(count))
-    assert (subscription.dropped, subscription.missed, subscription.undecodable) == (0, 0, 0)
+    assert (sum(subscription.lost.values()), subscription.missed, subscription.undecodable) == (0, 0, 0)
 
 
 def test_what_was_published_last_arrives_although_the_publisher_closes(endpoint):
@@ -146,7 +146,7 @@ def test_a_full_queue_keeps_the_newest_and_counts_the_rest(station):
     subscription = station.subscribe("raw/*", capacity=10)
     for number in range(25):
         station.publish("raw", shot(number), "radar")
-    assert until(lambda: subscription.dropped == 15)
+    assert until(lambda: subscription.lost["queue_full"] == 15)
     assert subscription.age_s > 0.0
     (source, lost), *kept = subscription.drain()
     assert (source, lost.count, lost.reason) == ("radar", 15, "faster than it can be taken in")

@@ -121,7 +121,8 @@ def test_live_is_the_replay(station, flight, tmp_path):
 
     assert [state.seq for state in states] == list(range(len(states)))
     assert len(states) == sum(len(part) for part in best.track)
-    assert summary["bus"] == {"on_the_way": 0, "queue_full": 0, "undecodable": 0, "second_publisher": 0}
+    causes = ("on_the_way", "undecodable", "second_publisher", "queue_full", "over_limit", "not_taken_in")
+    assert summary["bus"] == dict.fromkeys(causes, 0)
     kinds = (InsMeasurement, PolarMeasurement)
     put = sum(isinstance(item[2], kinds) for told in timelines(flight).values() for item in told)
     assert put == session.ledger._measurements

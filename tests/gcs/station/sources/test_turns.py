@@ -108,22 +108,33 @@ def test_what_waits_for_a_clock_at_the_end_has_a_verdict(station_side):
 
 
 def test_a_burst_beyond_the_rate_is_refused_and_spread_out_it_is_not(station_side):
-    """200 a second: at most 40 within a tenth of a second of stamps, whenever they arrive."""
+    """At most twice what it has sent within a tenth of a second of stamps before, whenever they arrive."""
     sink, session, feeds = station_side
     now_ns = 1_767_225_600 * S
     spread = [m for k in range(100) for m in shots(now_ns + k * S // 100)]
     live.turn(session, feeds, [("theo-north", m) for m in spread], now_ns + S)
     live.turn(session, feeds, [("theo-north", m) for m in shots(now_ns + S, 100)], now_ns + S)
     live.finish(session, feeds, {})
-    assert sink.reasons.count(live.CROWD) == 60
+    assert sink.reasons.count(live.CROWD) == 80
 
 
 def test_the_crowd_forgets_old_cells():
     crowd = live.Crowd()
     t_ns = 1_767_225_600 * S + np.arange(1000) * live.CELL_NS
     assert not crowd.too_many("theo", t_ns, 200.0).any()
-    assert len(crowd._counts["theo"]) <= live.CELLS
-    assert crowd.too_many("theo", np.full(41, t_ns[-1]), 200.0).sum() == 2  # with the one before
+    assert len(crowd._taken["theo"]) <= live.CELLS
+    assert crowd.too_many("theo", np.full(20, t_ns[-1]), 200.0).sum() == 20 + 1 - live.FIRST  # one was before
+
+
+def test_a_source_shows_how_fast_it_is_before_a_burst_of_it_is_taken():
+    """200 a second are 20 in a cell: all that is missed is of the first; what comes at once is twice that."""
+    crowd = live.Crowd()
+    begin_ns = 1_767_225_600 * S
+    at = begin_ns + np.arange(200) * S // 200
+    assert crowd.too_many("ins", at, 200.0).sum() == 20 - live.FIRST
+    flood = begin_ns + S + np.arange(3000) * S // 10_000
+    taken = ~live.Crowd().too_many("radar", flood, 200.0)
+    assert [taken[k : k + 1000].sum() for k in (0, 1000, 2000)] == [live.FIRST, 2 * live.FIRST, 40]
 
 
 def test_the_same_turns_give_the_same_bits(flown):
