@@ -8,7 +8,7 @@ where both have one. What may differ, and why:
 
     clock     a log knows all SYSTEM_TIMEs of a boot, a link the last minute's; without any, a link learns the
               least delay while it goes, and begins 10 s later
-    climb     a wrong sign of the climb rate is found in the whole log, and by a link after 100 positions
+    climb     a wrong sign of the climb rate is found in the whole log, by a link five positions into a climb
     IMU       a link learns from the first 20 samples whether it is an accelerometer
     restart   rows of a boot whose clock is not known yet wait, and may then be late
 """

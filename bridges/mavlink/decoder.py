@@ -204,8 +204,9 @@ class Decoder:
         values = autopilot.position_velocity(*place, message.vx, message.vy, message.vz)
         lat_deg, lon_deg, alt_msl_m, ve_mps, vn_mps, vu_mps = values
         self._climbs.append((t_ns, alt_msl_m, vu_mps))
-        if not self._turned and abs(vu_mps) > autopilot.CLIMB_MPS:
-            self._turned = autopilot.vz_is_upward(*map(np.array, zip(*self._climbs, strict=True)))
+        if abs(vu_mps) > autopilot.CLIMB_MPS:
+            shown = autopilot.vz_is_upward(*map(np.array, zip(*self._climbs, strict=True)))
+            self._turned = self._turned if shown is None else shown
         vu_mps = -vu_mps if self._turned else vu_mps
         self._placed = True
         return InsMeasurement(

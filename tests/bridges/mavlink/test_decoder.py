@@ -58,6 +58,41 @@ def test_live_and_log_agree_on_real_flights(name):
         assert np.nanmax(np.abs(ours["t_ns"] - logged["t_ns"])) < 0.5 * S  # no SYSTEM_TIME: learnt, not known
 
 
+def climbing(sign):
+    """A climb of 4 m/s after 10 s; ``sign(k)`` is that of its k-th climb rate, −1 where it is right."""
+    climbed = 0
+    for received in flight(30):
+        if received.message.get_type() == "GLOBAL_POSITION_INT":
+            aloft = (received.receipt_us - START_US) * 1e-6 > 15.0
+            received.message.alt += 400 * climbed
+            received.message.vz = 400 * sign(climbed) if aloft else 0
+            climbed += aloft
+        yield received
+
+
+def climb_rates(received) -> np.ndarray:
+    speaker, decoder = dialect.MAVLink(None, srcSystem=1, srcComponent=1), Decoder(1)
+    told = [
+        one
+        for each in received
+        for one in decoder.decode(sent_by(each.message, speaker), each.receipt_us * 1000)
+    ]
+    return np.array([m.vu_mps for m in told if isinstance(m, InsMeasurement) and m.vu_mps is not None])
+
+
+def test_a_climb_rate_of_the_wrong_sign_is_turned_within_the_first_second_of_a_climb():
+    """It was believed for two seconds, and for twenty at one position a second: 60 m of height."""
+    vu = climb_rates(climbing(lambda _: 1))
+    aloft = vu[np.abs(vu) > 1.0]
+    assert (aloft > 0.0).tolist() == [False] * 5 + [True] * (len(aloft) - 5)
+
+
+def test_a_sign_that_was_told_too_early_is_taken_back():
+    vu = climb_rates(climbing(lambda k: 1 if k < 8 else -1))
+    assert (vu[-50:] > 0.0).all()
+    assert (vu[np.abs(vu) > 1.0] < 0.0).any()
+
+
 WIND = dialect.MAVLink_wind_message(310.0, 8.0, 0.0)  # where it comes from: the north-west
 WIND_COV = dialect.MAVLink_wind_cov_message(0, -5.142301, 6.128356, 0, 0, 0, 0, 0, 0)  # where it goes
 NO_WIND = dialect.MAVLink_wind_cov_message(0, np.nan, np.nan, 0, 0, 0, 0, 0, 0)
