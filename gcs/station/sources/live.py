@@ -1,6 +1,7 @@
 """Live: measurements come from the bus, through the same session, and the cleaned state goes back onto it."""
 
 import threading
+import time
 from collections import Counter
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -86,6 +87,7 @@ class BusFeeds(Arrivals):
         super().__init__(sensors, lateness_s)
         self._bus = bus
         self.incoming = bus.subscribe("raw/*")
+        self._settled_s = time.monotonic() + SETTLE_S
         self._others, self._other = bus.claim("state", "smoothed"), set[str]()
 
     def events(self) -> list[Event]:
@@ -96,6 +98,10 @@ class BusFeeds(Arrivals):
             who = f"Zenoh id {other} publishes the state on this bus, too"
             self.told.append(("error", f"{who}: another station, or a forgery; end it"))
         return super().events()
+
+    def settle_s(self) -> float:
+        """How long to wait still for what was kept."""
+        return max(0.0, self._settled_s - time.monotonic())
 
     def latency_s(self, name: str) -> float:
         return self.clock.latency_s(name)
@@ -115,7 +121,7 @@ def run(
     session: Session, feeds: BusFeeds, stop: threading.Event, keep: Keep = lambda _now_ns, _arrived: None
 ) -> dict:
     """Serve until ``stop``; returns the summary. ``keep`` is given each turn before anything is decided."""
-    stop.wait(SETTLE_S)
+    stop.wait(feeds.settle_s())
     for arrival_ns, arrived in feeds.incoming.turns(stop, partial(patience_s, session, feeds)):
         keep(arrival_ns, arrived)
         turn(session, feeds, arrived, arrival_ns)
