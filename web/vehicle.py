@@ -25,6 +25,11 @@ class SeenVehicle:
     def name(self) -> str:
         return self.flight.scene.vehicle
 
+    @property
+    def waiting(self) -> int:
+        """Messages that came and are not taken in yet."""
+        return len(self._queue)
+
     def put(self, message: ANY, source: str) -> None:
         if len(self._queue) == QUEUE:
             self.skipped += 1

@@ -17,9 +17,9 @@ from gcs.contract.messages import ANY, InputError, Scene
 from gcs.contract.supervision import Part, brief, log
 from web.memory.flight import SeenFlight
 from web.memory.other import Geodetic
+from web.memory.timeline import Playable, Rewind
 from web.origins import only
 from web.panel.limits import OperatorLimits
-from web.panel.player import Playable
 from web.scene.picture import Picture
 from web.vehicle import SeenVehicle
 from web.viewer import Viewer
@@ -54,18 +54,25 @@ class View:
             self._stop_server()
             raise ViewError(f"port {port} is in use: stop the program that holds it, or take another port")
         self.url = f"http://127.0.0.1:{port}"
-        self.playback, self.limits = playback, OperatorLimits()
+        self.limits = OperatorLimits()
         self.dark = False
         self._todo: deque[Callable[[], None]] = deque()
         self._tick = 0
         self._failures: deque[str] = deque(maxlen=3)
         self._viewers: dict[int, Viewer] = {}
         self._stop = threading.Event()
-        self._server.scene.set_up_direction("+z")
+        scenery = self._server.scene
+        scenery.set_up_direction("+z")
+        scenery.configure_environment_map(
+            None
+        )  # reflections and shadows take seconds before the first picture
+        scenery.configure_default_lights(cast_shadow=False)
+        scenery.add_light_ambient("/light", intensity=1.2)
         camera = self._server.initial_camera
         camera.near, camera.far, camera.fov = NEAR_M, FAR_M, FOV
         self.vehicles: dict[str, SeenVehicle | None] = {}  # None: its station has not been heard
         self.add(scene, other)
+        self.playback = Rewind(playback, self.flight) if playback else None
         self.set_dark(dark=False)
         self._server.on_client_connect(lambda client: self.soon(lambda: self._welcome(client)))
         self._server.on_client_disconnect(lambda client: self.soon(lambda: self._leave(client)))
@@ -165,6 +172,8 @@ class View:
         for vehicle in self.seen:
             yield partial(self._take_all, vehicle)
         yield self._act
+        if self.playback:
+            yield self.playback.step
         for vehicle in self.seen:
             yield partial(self._draw, vehicle)
         for viewer in list(self._viewers.values()):

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import viser
 
-from gcs.contract.messages import State
+from gcs.contract.messages import Health, State
 from gcs.contract.supervision import guarded
 from web.boxing import Boxing
 from web.camera import FOLLOW, ORBIT, TOP, Camera, modes
@@ -19,12 +19,13 @@ from web.memory.claims import Claim
 from web.memory.geometry import Rectangle, hit
 from web.memory.lies import lies
 from web.memory.residuals import others_then
+from web.memory.timeline import LookBack
 from web.panel import apart, events, legend, picked, place, player, sensors, status
 from web.panel import boxed as in_box
 from web.panel.bell import Bell
 from web.panel.fleet import Fleet
 from web.panel.limits import LimitsForm, alarms, set_value
-from web.panel.player import LookBack, Player
+from web.panel.player import Player
 from web.plots.dock import Dock
 from web.scene.ghost import Ghost
 from web.scene.marks import Eye, Marks
@@ -62,7 +63,7 @@ class Viewer:
         self._label: viser.LabelHandle | None = None  # of the outlier that was clicked
         self._hidden = {name for name, shown in LAYERS.items() if not shown}
         self._layers: dict[str, viser.FrameHandle] = {}
-        self._tick = 0
+        self._tick, self._stood_ns = 0, 0
         self._root = client.scene.add_frame(self._flight.root, show_axes=False)  # the others stay hidden
         client.gui.set_panel_label("Ground station")
         client.gui.main_panel.dock_right()
@@ -82,7 +83,7 @@ class Viewer:
         aircraft = np.array(shown.position_enu_m) if shown else None
         with self._client.atomic():
             self.camera.update(aircraft, self._picture.low, self._picture.high)
-            if self._tick % PANEL_TICKS == 0:
+            if self._tick % PANEL_TICKS == 0 or self._sought():
                 self._marks.update(Eye(self.camera.eye(), self.camera.pixel_rad()))
                 self._haunt(shown)
                 self._write(shown)
@@ -109,11 +110,12 @@ class Viewer:
 
     def shown(self) -> State | None:
         """The state that this viewer sees: the newest, or the one looked back upon."""
-        return self._flight.state_at(self._time.now_ns) if self._looks_back else self._flight.state
+        return self._flight.state_at(self._time.now_ns) if self._time.back else self._flight.state
 
-    @property
-    def _looks_back(self) -> bool:
-        return isinstance(self._time, LookBack) and not self._time.playing
+    def _sought(self) -> bool:
+        """Whether the page stands elsewhere than before: who seeks does not wait for the panel's turn."""
+        before_ns, self._stood_ns = self._stood_ns, self._time.now_ns
+        return self._time.back and not self._time.playing and self._stood_ns != before_ns
 
     def _build(self) -> None:
         gui, scene = self._client.gui, self._flight.scene
@@ -179,28 +181,24 @@ class Viewer:
             self._client.gui.add_command(label, hotkey=key).on_trigger(guarded("view", partial(_do, act)))
 
     def _write(self, shown: State | None) -> None:
-        flight, view = self._flight, self._view
+        flight, view, stand = self._flight, self._view, self._time
         self._player.update()
-        age_s = time.monotonic() - flight.arrived_s
-        mode = self._player.mode()
+        back, scene, mode = stand.back, flight.scene, self._player.mode()
+        age_s = 0.0 if back else time.monotonic() - flight.arrived_s
         word, colour = status.badge(shown, age_s, mode)
         old = colour == colours.BAD
-        scene = flight.scene
         self._head.content = status.head(scene, shown, word, colour, self._tick)
-        found = alarms(view.limits, flight.state, flight.health)
-        lying = lies(flight, flight.state.t_ns if flight.state else 0)
-        texts = [f"{lie.text} ({lie.sigmas:.0f} σ) since {clock(lie.since_ns)}" for lie in lying]
-        self._go.content = status.go(found, texts, demanded=view.limits.demanded) if flight.state else ""
-        self._bell.update(len(found) if flight.state else 0)
-        self._numbers.content = status.numbers(shown, flight.wind, old=old)
+        health = flight.healths.at(stand.now_ns) if back else flight.health
+        wind = flight.winds.at(stand.now_ns) if back else flight.wind
+        self._judge(flight.state if stand.live else shown, flight.health if stand.live else health)
+        self._numbers.content = status.numbers(shown, wind, old=old)
         self._place.content = place.block(scene, shown, self._form.value, old=old)
         self._apart.content = apart.block(flight.other, shown, old=old)
         health_s = time.monotonic() - flight.health_s if mode == "LIVE" else 0.0
-        self._sensors.content = sensors.rows(scene, flight.health, flight.state, view.limits, health_s)
-        self._errors.content = sensors.errors(scene, flight.health)
-        upto_ns = self._time.now_ns
+        self._sensors.content = sensors.rows(scene, health, shown, view.limits, health_s)
+        self._errors.content = sensors.errors(scene, health)
         self._log.content = events.listed(
-            events.chosen(flight.moments, self._level.value, upto_ns), view.notes()
+            events.chosen(flight.moments, self._level.value, stand.now_ns), view.notes()
         )
         self._legend.content = legend.shown(
             scene, self._picture.aircraft.factor, self._picture.paint, self._picture.scale, flight.other
@@ -209,6 +207,15 @@ class Viewer:
         flights = {name: one.flight if one else None for name, one in view.vehicles.items()}
         self._fleet.update(flights, view.limits, self.vehicle.name)
 
+    def _judge(self, state: State | None, health: Health | None) -> None:
+        """What is against the flight. Live it is of now, also for who looks back."""
+        limits = self._view.limits
+        found = alarms(limits, state, health) if state else []
+        lying = lies(self._flight, state.t_ns) if state else []
+        texts = [f"{lie.text} ({lie.sigmas:.0f} σ) since {clock(lie.since_ns)}" for lie in lying]
+        self._go.content = status.go(found, texts, demanded=limits.demanded) if state else ""
+        self._bell.update(len(found))
+
     def _sync(self) -> None:
         """Show what another viewer has set for all."""
         self._limits.sync(self._view.limits)
@@ -216,7 +223,7 @@ class Viewer:
         set_value(self._dark, self._view.dark)
 
     def _haunt(self, shown: State | None) -> None:
-        if self._looks_back and shown:
+        if self._time.back and shown:
             self._ghost.show(shown, self.camera.eye(), dark=self._view.dark)
         else:
             self._ghost.clear()

@@ -104,13 +104,13 @@ def test_a_clicked_outlier_tells_why(page, view):
     assert until(lambda: not page.get_by_text("the others then").is_visible())
 
 
-def test_a_click_on_the_track_seeks_there(page, view, tape):
+def test_a_click_on_the_track_seeks_there(page, view):
     places = view.flight.newest.view
     clear = [claim.position for claim in view.flight.outliers]
     at = max(range(0, len(places), 5), key=lambda k: _away(page, view, places[k], clear))
     page.mouse.click(*pixel(page, view, places["position_enu_m"][at]))
-    assert until(lambda: abs(tape.now_ns - int(places["t_ns"][at])) < 2 * S)
-    tape.now_ns = tape.start_ns + 40 * S
+    assert until(lambda: abs(view.playback.now_ns - int(places["t_ns"][at])) < 2 * S)
+    view.playback.seek(view.playback.start_ns + 40 * S)
 
 
 def _away(page, view: View, row: np.void, others: list) -> float:
@@ -129,57 +129,81 @@ def test_the_plots_change_with_what_is_chosen(page):
     choose(page, "Over", "whole flight")
 
 
-def test_pause_steps_and_events(page, tape):
+def test_pause_steps_and_events(page, view, tape):
     tab(page, "Flight")
     page.get_by_role("button", name="pause").click()
     page.get_by_text("PAUSED").wait_for()
     assert not tape.playing
-    here_ns = tape.now_ns
+    here_ns = view.playback.now_ns
+    page.get_by_role("button", name="‹ step").click()
+    assert until(lambda: view.playback.now_ns == here_ns - S // 10)
     page.get_by_role("button", name="step ›").click()
-    assert until(lambda: tape.now_ns == here_ns + S // 10)
+    assert until(lambda: view.playback.now_ns == here_ns)
     page.get_by_role("button", name="« event").click()
-    assert until(lambda: tape.now_ns == flight.START_NS + 30 * S)
-    tape.now_ns = here_ns
+    assert until(lambda: view.playback.now_ns == flight.START_NS + 30 * S)
+    page.locator(".clock").filter(has_text="14:13:50.0").wait_for()
+    view.playback.seek(flight.START_NS)
+    page.get_by_role("button", name="event »").click()
+    assert until(lambda: view.playback.now_ns == flight.START_NS + 30 * S)
+    view.playback.seek(here_ns)
     page.get_by_role("button", name="play").click()
     page.get_by_role("button", name="pause").wait_for()
-    assert tape.playing
+    assert view.playback.playing
 
 
-def test_keys(page, tape, view):
+def test_keys(page, view):
+    time = view.playback
     page.evaluate("document.activeElement.blur()")  # keys typed into a field are text
     page.keyboard.press("Space")
-    assert until(lambda: not tape.playing)
-    here_ns = tape.now_ns
-    page.keyboard.press("j")
-    assert until(lambda: tape.now_ns == here_ns - S // 10)
+    assert until(lambda: not time.playing)
+    here_ns = time.now_ns
+    for key, there_ns in (("j", here_ns - S // 10), ("l", here_ns)):
+        page.keyboard.press(key)
+        assert until(lambda there_ns=there_ns: time.now_ns == there_ns), key
+    time.seek(flight.START_NS)
+    for key, there_s in (("PageDown", 30), ("PageUp", 0)):
+        page.keyboard.press(key)
+        assert until(lambda there_s=there_s: time.now_ns == flight.START_NS + there_s * S), key
+    time.seek(here_ns)
     page.keyboard.press("Space")
-    assert until(lambda: tape.playing)
+    assert until(lambda: time.playing)
     viewer = next(iter(view._viewers.values()))
-    for key, mode in (("f", "follow"), ("t", "top"), ("1", "from theo-north"), ("o", "orbit")):
+    eyes = [(str(k + 1), f"from {one.name}") for k, one in enumerate(flight.SCENE.instruments)]
+    for key, mode in (("f", "follow"), ("t", "top"), *eyes, ("o", "orbit")):
         page.keyboard.press(key)
         assert until(lambda mode=mode: viewer.camera.mode == mode), mode
-    page.keyboard.press("s")
-    assert until(lambda: "sticks" not in viewer._hidden)
+    for shown in (True, False):
+        page.keyboard.press("s")
+        assert until(lambda shown=shown: ("sticks" not in viewer._hidden) == shown)
 
 
-def test_at_the_end_play_begins_anew(page, tape):
-    here_ns, tape.now_ns = tape.now_ns, tape.end_ns
+def test_at_the_end_play_begins_anew(page, view, tape):
+    tape.now_ns = tape.end_ns
     page.get_by_text("END", exact=True).wait_for()
     page.get_by_role("button", name="play").click()
-    assert until(lambda: tape.now_ns == tape.start_ns)
-    assert tape.playing
-    tape.now_ns = here_ns
+    page.locator(".clock").filter(has_text=re.compile(r"14:13:2\d\.\d")).wait_for()
+    assert view.playback.playing
+    assert view.playback.now_ns < tape.start_ns + 10 * S
+    tape.now_ns = tape.start_ns + 40 * S
+    view.playback.seek(tape.now_ns)
 
 
-def test_arrow_keys_seek(page, tape):
+def test_the_slider_seeks_by_arrow_keys_and_by_a_click(page, view):
     tab(page, "Flight")
     slider = page.locator("[role=slider]").first
-    tape.now_ns = tape.start_ns + 40 * S
+    view.playback.seek(flight.START_NS + 40 * S)
+    view.playback.pause()
     assert until(lambda: slider.get_attribute("aria-valuenow") == "40")
     slider.focus()
     for _ in range(3):
         slider.press("ArrowLeft")
-    assert until(lambda: tape.now_ns == tape.start_ns + 39_700_000_000)
+    assert until(lambda: view.playback.now_ns == flight.START_NS + 39_700_000_000)
+    box = page.locator(".mantine-Slider-trackContainer").first.bounding_box()
+    page.mouse.click(box["x"] + box["width"] / 4, box["y"] + box["height"] / 2)
+    assert until(lambda: abs(view.playback.now_ns - flight.START_NS - 15 * S) < 2 * S)
+    page.locator(".clock").filter(has_text=re.compile(r"14:13:3[3-7]\.\d")).wait_for()
+    view.playback.seek(flight.START_NS + 40 * S)
+    view.playback.play()
 
 
 def test_speed(page, tape):
@@ -202,6 +226,8 @@ def test_dark_and_the_camera_change_the_picture(page):
 def test_reset_view_brings_the_camera_back(page, view):
     camera = next(iter(view._viewers.values())).camera
     box = canvas(page)
+    page.get_by_role("button", name="Reset view").click()
+    assert until(lambda: np.linalg.norm(camera.eye() - camera._placed.eye) < 1.0)
     there = camera.eye()
     page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
     page.mouse.wheel(0, 2_000)

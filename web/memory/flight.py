@@ -13,6 +13,7 @@ from web.memory.claims import ACCEPTED, KIND_OF, PATCH, Claim, Claims
 from web.memory.other import OtherTrack
 from web.memory.residuals import Residuals, sigmas_off
 from web.memory.rows import GrowingRows
+from web.memory.spoken import Spoken
 
 STEP_NS = 100_000_000  # trajectories are kept ten times a second of flight; finer cannot be seen
 BREAK_NS = 5_000_000_000  # a longer gap is not bridged by a straight line
@@ -61,6 +62,7 @@ class SeenFlight:
         self.scene, self.other = scene, other
         self.newest, self.smoothed = GrowingRows(TRACK, MOST_STATES), GrowingRows(TRACK, MOST_STATES)
         self.claims, self.residuals = Claims(), Residuals()
+        self.healths, self.winds = Spoken(Health), Spoken(Wind)
         self.moments: dict[tuple[int, str], str] = {}  # time and text → level; a seek back forgets none
         self.marks: dict[int, str] = {}  # time → patch, gap or reset; a seek back forgets none
         self.clear()
@@ -80,7 +82,7 @@ class SeenFlight:
         self.outliers: deque[Claim] = deque(maxlen=MOST_OUTLIERS)
         self.outliers_before = 0  # how many have left ``outliers``
         self.errors: dict[tuple[str, str], GrowingRows] = {}  # by sensor and name
-        for part in (self.newest, self.smoothed, self.claims, self.residuals):
+        for part in (self.newest, self.smoothed, self.claims, self.residuals, self.healths, self.winds):
             part.clear()
         self._squares: deque[tuple[int, float]] = deque()
         self._patched: dict[str, int] = {}  # by sensor: time of its newest patch claim
@@ -102,6 +104,7 @@ class SeenFlight:
                 self._take_health(message)
             case Wind():
                 self.wind = message
+                self.winds.add(message.t_ns, message)
             case Event():
                 self.events.append(message)
                 self._mark(message.t_ns, message.text, message.level)
@@ -174,6 +177,7 @@ class SeenFlight:
 
     def _take_health(self, health: Health) -> None:
         self.health, self.health_s = health, time.monotonic()
+        self.healths.add(health.t_ns, health)
         for name, sensor in health.sensors.items():
             for error, told in sensor.errors.items():
                 key = name, error

@@ -10,7 +10,9 @@ from web.memory.claims import KIND_OF, KINDS, Claim
 from web.memory.rows import GrowingRows
 
 MOST = 60_000  # values of one channel: 50 minutes at 20 Hz, then thinned
-RESIDUAL = np.dtype([("t_ns", "i8"), ("sigmas", "f4"), ("kind", "u1")])  # kind: index into KINDS
+RESIDUAL = np.dtype(  # off: in the channel's unit; kind: index into KINDS
+    [("t_ns", "i8"), ("sigmas", "f4"), ("off", "f4"), ("kind", "u1")]
+)
 RAW = np.dtype(  # NaN: does not say
     [("t_ns", "i8"), ("place_m", "f4", (3,)), ("speed_mps", "f4"), ("kind", "u1")]
 )
@@ -31,6 +33,11 @@ def off(verdict: Verdict) -> float:
     return (apart + 180.0) % 360.0 - 180.0 if verdict.channel == "azimuth" else apart
 
 
+def row(claim: Claim, verdict: Verdict) -> tuple:
+    """RESIDUAL of one channel of a claim."""
+    return claim.t_ns, sigmas_off(verdict), off(verdict), KIND_OF[verdict.verdict]
+
+
 class Residuals:
     """Settled claims as columns, for the plots."""
 
@@ -42,7 +49,7 @@ class Residuals:
         columns = self._channels.setdefault(claim.sensor, {})
         for channel, verdict in claim.verdicts.items():
             rows = columns.get(channel) or columns.setdefault(channel, GrowingRows(RESIDUAL, MOST))
-            rows.add((claim.t_ns, sigmas_off(verdict), KIND_OF[verdict.verdict]))
+            rows.add(row(claim, verdict))
         raw = self._raw.get(claim.sensor) or self._raw.setdefault(claim.sensor, GrowingRows(RAW, MOST))
         raw.add((claim.t_ns, claim.position or NOWHERE, _speed(claim), KINDS.index(claim.kind)))
 
@@ -89,9 +96,9 @@ def others_then(residuals: Residuals, pending: list[Claim], claim: Claim, within
             recent[other.sensor] = other
     for sensor in {*residuals.sensors(), *recent} - {claim.sensor}:
         said = [
-            (abs(int(row["t_ns"]) - claim.t_ns), channel, float(row["sigmas"]), KINDS[row["kind"]])
+            (abs(int(one["t_ns"]) - claim.t_ns), channel, float(one["sigmas"]), KINDS[one["kind"]])
             for channel in residuals.channels(sensor)
-            for row in residuals.of(sensor, channel, claim.t_ns - within_ns, claim.t_ns + within_ns)
+            for one in residuals.of(sensor, channel, claim.t_ns - within_ns, claim.t_ns + within_ns)
         ]
         if sensor in recent and abs(recent[sensor].t_ns - claim.t_ns) <= within_ns:
             apart = abs(recent[sensor].t_ns - claim.t_ns)

@@ -3,13 +3,13 @@
 import math
 import time
 from collections.abc import Callable
-from typing import Protocol
 
 import viser
 from viser._messages import GuiSliderMark
 
 from gcs.contract.supervision import guarded
 from web.memory.flight import STEP_NS, SeenFlight
+from web.memory.timeline import LookBack, Rewind
 from web.panel import events
 
 SPEEDS = {
@@ -22,78 +22,19 @@ SPEEDS = {
     "50×": 50.0,
     "max": math.inf,
 }
-SETTLE_S = 0.3  # a seek starts when the slider has rested for so long
+TOUCHED_S = 0.5  # a hand that has just moved the slider is not fought with
 HINT = "■ a patch begins, ∅ after a gap, ↺ the filter began again; page up and down go to them"
 BACK, PLAY, PAUSE, FORTH = "‹ step", "play", "pause", "step ›"
 BEFORE, AFTER, NOW = "« event", "event »", "now"
 
 
-class Playable(Protocol):
-    """What the page may do with time. Times are the flight's, int64 ns UTC."""
-
-    @property
-    def start_ns(self) -> int: ...
-    @property
-    def end_ns(self) -> int: ...
-    @property
-    def now_ns(self) -> int: ...
-    @property
-    def playing(self) -> bool: ...
-    @property
-    def speed(self) -> float:
-        """1, 2, 5, …; inf is as fast as it goes."""
-
-    def play(self) -> None: ...
-    def pause(self) -> None: ...
-    def seek(self, t_ns: int) -> None: ...
-    def set_speed(self, speed: float) -> None: ...
-
-
-class LookBack:
-    """A live flight looked back upon by one viewer: `playing` is now, everything else is the past."""
-
-    speed = 1.0
-
-    def __init__(self, flight: SeenFlight):
-        self._flight = flight
-        self._at_ns: int | None = None
-
-    @property
-    def start_ns(self) -> int:
-        return self._flight.span_ns[0]
-
-    @property
-    def end_ns(self) -> int:
-        return self._flight.span_ns[1]
-
-    @property
-    def now_ns(self) -> int:
-        return self.end_ns if self._at_ns is None else max(self._at_ns, self.start_ns)
-
-    @property
-    def playing(self) -> bool:
-        return self._at_ns is None
-
-    def play(self) -> None:
-        self._at_ns = None
-
-    def pause(self) -> None:
-        self._at_ns = self.now_ns
-
-    def seek(self, t_ns: int) -> None:
-        self._at_ns = t_ns
-
-    def set_speed(self, speed: float) -> None:
-        """Live goes at its own pace."""
-
-
 class Player:
     """The handles of time, one viewer's."""
 
-    def __init__(self, gui: viser.GuiApi, time_: Playable, flight: SeenFlight, level: Callable[[], str]):
+    def __init__(
+        self, gui: viser.GuiApi, time_: LookBack | Rewind, flight: SeenFlight, level: Callable[[], str]
+    ):
         self.time, self._flight, self._level = time_, flight, level
-        self._live = isinstance(time_, LookBack)
-        self._wanted_s: float | None = None
         self._marks: tuple[tuple[float, str], ...] = ()
         self._touched_s = 0.0
         with gui.add_folder("Time"):
@@ -101,9 +42,9 @@ class Player:
             self._strip = gui.add_html("")
             self._steps = gui.add_button_group("step", (BACK, PLAY, FORTH))
             self._jumps = gui.add_button_group(
-                "jump", (BEFORE, AFTER, NOW) if self._live else (BEFORE, AFTER)
+                "jump", (BEFORE, AFTER, NOW) if time_.live else (BEFORE, AFTER)
             )
-            if not self._live:
+            if not time_.live:
                 speed = min(SPEEDS, key=lambda name: abs(min(SPEEDS[name], 1e3) - min(time_.speed, 1e3)))
                 self._speed = gui.add_dropdown("speed", tuple(SPEEDS), initial_value=speed)
                 self._speed.on_update(
@@ -115,7 +56,7 @@ class Player:
 
     def mode(self) -> str:
         """One word or two for the badge."""
-        if self._live:
+        if self.time.live:
             behind_s = (self.time.end_ns - self.time.now_ns) / 1e9
             return "LIVE" if self.time.playing else f"BACK {behind_s:.0f} s"
         if self._ended():
@@ -156,16 +97,12 @@ class Player:
             self._marks = marks
             # Without marks of our own the slider shows its ends. No public name sets what a slider has.
             self._slider._marks = tuple(GuiSliderMark(*mark) for mark in marks) or None
-        resting = time.monotonic() - self._touched_s > SETTLE_S
-        if self._wanted_s is not None and resting:
-            self.time.seek(self.time.start_ns + round(self._wanted_s * 1e9))
-            self._wanted_s = None
-        elif self._wanted_s is None:
+        if time.monotonic() - self._touched_s > TOUCHED_S:
             now_s = (self.time.now_ns - self.time.start_ns) // 1e8 / 10
             self._slider.value = min(max(now_s, 0.0), length_s)  # type: ignore[misc]  # viser has it settable
 
     def _ended(self) -> bool:
-        return not self._live and self.time.now_ns >= self.time.end_ns
+        return not self.time.live and self.time.now_ns >= self.time.end_ns
 
     def _toggle(self) -> None:
         if self._ended():
@@ -178,4 +115,5 @@ class Player:
 
     def _touch(self, event: viser.GuiEvent) -> None:
         if event.client is not None:  # our own updates come from no client
-            self._wanted_s, self._touched_s = event.target.value, time.monotonic()
+            self._touched_s = time.monotonic()
+            self.time.seek(self.time.start_ns + round(event.target.value * 1e9))

@@ -8,9 +8,8 @@ import numpy as np
 
 from web.look import colours
 from web.look.colours import Colour
-from web.memory.claims import KIND_OF
 from web.memory.flight import SeenFlight
-from web.memory.residuals import RESIDUAL, sigmas_off
+from web.memory.residuals import RESIDUAL, row
 
 MOST = 400
 CLIP = 10.0  # sigmas: what is farther off is drawn at the edge
@@ -210,7 +209,7 @@ def _column(flight: SeenFlight, sensor: str, channel: str, from_ns: int, to_ns: 
     settled = np.concatenate([few(settled[refused], MOST), few(settled[~refused], 2 * MOST)])
     settled = settled[np.argsort(settled["t_ns"], kind="stable")]
     pending = [
-        (claim.t_ns, sigmas_off(claim.verdicts[channel]), KIND_OF[claim.verdicts[channel].verdict])
+        row(claim, claim.verdicts[channel])
         for claim in flight.claims.pending()
         if claim.sensor == sensor and channel in claim.verdicts and from_ns <= claim.t_ns <= to_ns
     ]

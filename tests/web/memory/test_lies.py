@@ -42,3 +42,11 @@ def test_a_single_outlier_and_a_run_that_has_ended_are_none():
         assert lies(flight_of(words), now(words)) == []
     words = ["patch"] * 9
     assert lies(flight_of(words), now(words) + 3 * S) == []
+
+
+def test_looked_back_upon_a_lie_is_told_as_it_was_then():
+    words = ["used"] * 5 + ["patch"] * 20 + ["used"] * 80
+    flight = flight_of(words)
+    assert lies(flight, now(words)) == []
+    (lie,) = lies(flight, 10 * S + 24 * STEP)
+    assert (lie.since_ns, round(lie.off, 3)) == (10 * S + 5 * STEP, 0.5)
