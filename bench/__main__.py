@@ -95,6 +95,23 @@ def long(
 
 
 @app.command
+def page(
+    *parts: Annotated[str, Parameter(help="bytes, hour, seek or fusion; all by default")],
+    minutes: float = 60.0,
+    seconds: float = 60.0,
+    repeats: int = 3,
+    tape: Annotated[Path | None, Parameter(show=False)] = None,
+) -> None:
+    """The page of an hour of flight: bytes, first picture, memory, seeks; what it takes from the fusion."""
+    from bench.speed import page as asked
+
+    if tape:
+        asked.serve(tape, minutes)
+    else:
+        asked.run(parts, minutes, seconds, repeats)
+
+
+@app.command
 def faults(*, times: int = 20) -> None:
     """Bridge, station and router killed, stopped and started again: told when, back when, states lost."""
     from bench.speed import faults as asked

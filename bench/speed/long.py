@@ -12,12 +12,14 @@ import time
 import tracemalloc
 from pathlib import Path
 
+import msgspec
 import numpy as np
 
 from bench.speed import live
 from bench.speed.flood import resident_mb
 from gcs.contract import config, messages
-from gcs.contract.frames import Frame
+from gcs.contract.config import Station
+from gcs.contract.frames import Frame, scene
 from gcs.contract.messages import InsMeasurement, PolarMeasurement
 from gcs.outputs.publish import Publisher
 from gcs.outputs.record import Record
@@ -33,7 +35,16 @@ name = "theo-east"
 kind = "theodolite"
 position = { lat_deg = -35.3600, lon_deg = 149.1720, alt_m = 600.0 }
 """
+SOUTH = """
+[[sensor]]
+name = "theo-south"
+kind = "theodolite"
+position = { lat_deg = -35.3710, lon_deg = 149.1700, alt_m = 600.0 }
+"""
 T0_NS = 1_767_225_600 * 10**9
+HZ = 20.0  # of each of the five sources of ``tell``
+WRONG = 0.02  # of its instruments' measurements are outliers
+CIRCLE_S = 40.0 * np.pi  # of ``live.measure``: then the flight is where it was
 
 
 def run(seconds: float, *, trace: bool) -> dict:
@@ -91,6 +102,38 @@ def _fly(session: Session, seconds: float, part: int) -> None:
             measured = messages.to_columns(found, kind)
             session.enter(intake.ins(measured) if name == "ins" else intake.polar(name, measured), end_ns)
         session.advance(session.align.due_ns(end_ns))
+
+
+def tell(tape: Path) -> None:
+    """Write what a station tells of one circle, after one that is not kept."""
+    file = tape.with_suffix(".toml")
+    file.write_text(live.STATION + EAST + SOUTH)
+    station, frame = config.load(file), Frame(*live.ORIGIN)
+    live.SITES["theo-south"], live.SIGMA["theo-south"] = (-35.3710, 149.1700, 600.0), live.SIGMA["theo-east"]
+    told: list[tuple[messages.ANY, str]] = []
+    publisher = Publisher(frame, Monitor(station.sources, Files()), [lambda s, m, _: told.append((m, s))])
+    session = Session(station, frame, [publisher])
+    session.estimator.warm_up()
+    noise, first = random.Random(1), 0
+    for k in range(round(2 * CIRCLE_S * HZ)):
+        if k == round(CIRCLE_S * HZ):
+            first = len(told)
+        _measure(session, station, T0_NS + round(k / HZ * 1e9), noise)
+    kept = [(message, "smoothed" if subject == "smoothed" else "") for message, subject in told[first:]]
+    tape.write_bytes(msgspec.msgpack.encode((scene(station, frame), kept)))
+    print(f"five sensors at {HZ:g} Hz: {len(kept) / CIRCLE_S:.0f} messages a second", flush=True)
+
+
+def _measure(session: Session, station: Station, t_ns: int, noise: random.Random) -> None:
+    """One measurement of each source into the session."""
+    for name in station.sources:
+        said = live.measure(name, t_ns, noise)
+        if isinstance(said, PolarMeasurement) and noise.random() < WRONG:
+            said = msgspec.structs.replace(said, range_m=(said.range_m or 0.0) + noise.uniform(30.0, 300.0))
+        columns = messages.to_columns([said], type(said))
+        own = isinstance(said, InsMeasurement)
+        session.enter(session.intake.ins(columns) if own else session.intake.polar(name, columns), t_ns)
+    session.advance(session.align.due_ns(t_ns))
 
 
 def _encoded(subject: str, message: messages.ANY, source: str) -> None:

@@ -13,6 +13,7 @@ from web.memory.claims import ACCEPTED, Claim
 from web.memory.flight import SeenFlight
 from web.scene import glyphs, paint
 from web.scene.aircraft import Aircraft
+from web.scene.clouds import Clouds
 from web.scene.ground import draw_ground, draw_instrument
 from web.scene.lines import Lines
 from web.scene.trail import Trail, dots, drops, line, shadow, sticks
@@ -33,7 +34,9 @@ LAYERS = {  # by name: shown at first
 }
 FRESH_NS = 2_000_000_000  # a line of sight goes this long after the instrument's last claim
 DROP_NS = 5_000_000_000  # a line down to the ground, of flight
-DOT_PX, NEWEST_PX, SMOOTHED_PX, OTHER_PX = 2.0, 5.0, 2.0, 1.5
+NEWEST_PX, SMOOTHED_PX, OTHER_PX = 5.0, 2.0, 1.5
+WITHIN_M = 0.25  # so far off may a line be drawn that is older than some minutes: less than it is wide
+MOST_DOTS = 24  # thousands for each sensor, then thinned: closer together nobody sees more
 INSTRUMENT = 0.045  # size as a share of the camera's distance
 AFAR_M = 2000.0  # where nobody looks, things have the size for this distance
 
@@ -53,7 +56,7 @@ class Picture:
         server.scene.add_frame(root, show_axes=False, visible=False)  # a viewer shows the one he looks at
         for name, shown in LAYERS.items():
             server.scene.add_frame(f"{root}/{name}", show_axes=False, visible=shown)
-        self._lines = Lines(server.scene)
+        self._lines, self._clouds = Lines(server.scene), Clouds(server.scene, AFAR_M)
         draw_ground(server.scene, self._lines, root)
         self._glyphs = []
         for instrument in self._scene.instruments:
@@ -63,9 +66,11 @@ class Picture:
         self.aircraft = Aircraft(server.scene, root, self._scene.vehicle)
         self._wind = Arrow(server.scene, self._lines, root)
         draw = self._lines.drawer
-        self._newest = Trail(f"{root}/newest", line, self._draw_newest, wide=7)
-        self._smoothed = Trail(f"{root}/smoothed", line, draw(colours.SMOOTHED, SMOOTHED_PX))
-        self._shadow = Trail(f"{root}/ground/shadow", shadow, draw(colours.GROUND, 1.5))
+        self._newest = Trail(f"{root}/newest", line, self._draw_newest, wide=7, within_m=WITHIN_M)
+        self._smoothed = Trail(
+            f"{root}/smoothed", line, draw(colours.SMOOTHED, SMOOTHED_PX), within_m=WITHIN_M
+        )
+        self._shadow = Trail(f"{root}/ground/shadow", shadow, draw(colours.GROUND, 1.5), within_m=WITHIN_M)
         self._drops = Trail(f"{root}/ground/drops", drops, draw(colours.GROUND, 0.6))
         self._sticks = Trail(f"{root}/sticks", sticks, draw(colours.OUTLIER, 1.0), wide=6)
         self._raw: dict[str, Trail] = {}  # by sensor
@@ -81,7 +86,7 @@ class Picture:
         self.aircraft.set_dark(dark=dark)
         self._lines.recolour(f"{self._root}/other/", colours.OTHER[dark])
         for sensor in self._raw:
-            self._lines.recolour(f"{self._root}/{_raw_path(sensor)}/", self._dot_colour(sensor))
+            self._clouds.recolour(f"{self._root}/{_raw_path(sensor)}/", self._dot_colour(sensor))
 
     def set_paint(self, choice: str) -> None:
         self.paint, self.scale = choice, None
@@ -171,7 +176,8 @@ class Picture:
             self._raw[sensor] = Trail(
                 f"{self._root}/{_raw_path(sensor)}",
                 dots,
-                lambda name, segments: self._lines.draw(name, segments, self._dot_colour(sensor), DOT_PX),
+                lambda name, places: self._clouds.draw(name, places, self._dot_colour(sensor)),
+                most=MOST_DOTS,
             )
         return self._raw[sensor]
 
@@ -182,6 +188,7 @@ class Picture:
         position = np.array(state.position_enu_m)
         distance_m = _nearest(eyes, position)
         self.aircraft.move(state, distance_m)
+        self._clouds.resize(distance_m)
         self._wind.move(self._flight.wind, position, distance_m)
         plumb = np.array([[position, position * (1, 1, 0)]])
         self._lines.draw(f"{self._root}/plumb", plumb, colours.GROUND, 1.5)

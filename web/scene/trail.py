@@ -1,18 +1,21 @@
 """Trails: points that only get more, sent to the browser in pieces.
 
 The browser's line and point nodes cannot grow; a change sends the whole node. So a trail is cut: chunks of
-1,000 points are sent once, the points since then once per hundred, and only the last few every time. Beyond
-``MOST`` chunks the oldest are thinned, two into one, so many hours cost no more than the first.
+1,000 points are sent once, the points since then once per hundred, and only the last few every time. Of a
+finished chunk of a line what is needed is kept: without a graphics card a browser draws some ten thousand
+lines in a second. Beyond ``most`` chunks the oldest are joined, two into one, and thinned where they are too
+many, so many hours cost no more than the first.
 """
 
+import itertools
 from collections.abc import Callable, Sequence
 
 import numpy as np
 
 CHUNK = 1_000  # points of a finished piece
 TAIL = 100  # points of the piece that is sent on every update
-MOST = 64  # finished pieces before the oldest are thinned
-DOT_M = 0.03  # a dot is a very short line with round ends
+MOST = 16  # finished pieces before the oldest are joined
+STRIDE = 20  # points, 2 s of flight: at least so often one is kept, for its colour
 
 Shape = Callable[[np.ndarray], np.ndarray]
 
@@ -29,8 +32,8 @@ def shadow(points: np.ndarray) -> np.ndarray:
 
 
 def dots(points: np.ndarray) -> np.ndarray:
-    """(n, 3) → (n, 2, 3)."""
-    return np.stack([points, points + DOT_M], axis=1)
+    """(n, 3) as they are."""
+    return points
 
 
 def drops(points: np.ndarray) -> np.ndarray:
@@ -43,20 +46,55 @@ def sticks(points: np.ndarray) -> np.ndarray:
     return points.reshape(-1, 2, 3)
 
 
+def needed(points: np.ndarray, within_m: float) -> np.ndarray:
+    """Those of (n, 3 + k) points whose line is nowhere farther from all than that; cuts, NaN, stay."""
+    cut = np.isnan(points[:, 0])
+    keep = cut.copy()
+    keep[:-1] |= cut[1:]
+    keep[1:] |= cut[:-1]
+    keep[::STRIDE] = keep[-1] = True
+    todo = list(itertools.pairwise(np.flatnonzero(keep).tolist()))
+    while todo:
+        begin, end = todo.pop()
+        if end - begin > 1 and _off(points[begin : end + 1, :3]) > within_m:
+            middle = (begin + end) // 2
+            keep[middle] = True
+            todo += [(begin, middle), (middle, end)]
+    return points[keep]
+
+
+def _off(points: np.ndarray) -> float:
+    """How far the farthest of (n, 3) points is from the straight line between the first and the last."""
+    away = points[1:-1] - points[0]
+    along = points[-1] - points[0]
+    share = np.clip(away @ along / max(along @ along, 1e-12), 0.0, 1.0)
+    return float(np.linalg.norm(away - share[:, None] * along, axis=1).max())
+
+
 class Trail:
     """A growing row of points of ``wide`` numbers each: station ENU in metres, then what goes with it.
 
-    ``draw(name, segments)`` shows the (m, 2, …) float32 segments under that name, in place of what was there;
-    none at all take it away.
+    ``draw(name, segments)`` shows what ``shape`` makes of points, float32, under that name, in place of what
+    was there; none at all take it away. ``within_m``: so far off may a line be drawn that is no longer new.
     """
 
-    def __init__(self, name: str, shape: Shape, draw: Callable[[str, np.ndarray], None], wide: int = 3):
+    def __init__(
+        self,
+        name: str,
+        shape: Shape,
+        draw: Callable[[str, np.ndarray], None],
+        wide: int = 3,
+        *,
+        most: int = MOST,
+        within_m: float = 0.0,
+    ):
         self._name, self._shape, self._draw, self._wide = name, shape, draw, wide
+        self._most, self._within_m = most, within_m
         self._joint = (
             1 if shape in (line, shadow) else 0
         )  # a piece of a line ends on the next one's first point
         self._made = 0
-        self._chunks: list[tuple[str, np.ndarray, int]] = []  # name, points, how often thinned
+        self._chunks: list[tuple[str, np.ndarray, int]] = []  # name, points, how often joined
         self._open: list[Sequence[float]] = []
         self._settled = 0
         self._dirty = False
@@ -102,27 +140,31 @@ class Trail:
 
     def _finish(self) -> None:
         name, points = f"chunk{self._made}", np.array(self._open[: CHUNK + self._joint])
+        if self._within_m:
+            points = needed(points, self._within_m)
         self._chunks.append((name, points, 0))
         self._show(name, points)
         self._made += 1
         self._open = self._open[CHUNK:]
         self._settled = -1
-        if len(self._chunks) > MOST:
-            self._thin()
+        if len(self._chunks) > self._most:
+            self._join()
 
-    def _thin(self) -> None:
+    def _join(self) -> None:
         levels = [level for _, _, level in self._chunks]
         pairs = [i for i in range(len(levels) - 1) if levels[i] == levels[i + 1]]
         # From the oldest on, everything to the same density before anything is thinned once more.
         i = next((i for i in pairs if levels[i] < levels[0]), pairs[0])
         (name, older, level), (gone, newer, _) = self._chunks[i : i + 2]
         points = np.vstack([older[: len(older) - self._joint], newer])
-        keep = np.isnan(points[:, 0])
-        keep[::2] = True
-        keep[-1] |= bool(self._joint)
-        self._chunks[i : i + 2] = [(name, points[keep], level + 1)]
+        if len(points) > CHUNK + self._joint:
+            keep = np.isnan(points[:, 0])
+            keep[::2] = True
+            keep[-1] |= bool(self._joint)
+            points = points[keep]
+        self._chunks[i : i + 2] = [(name, points, level + 1)]
         self._show(gone, [])
-        self._show(name, points[keep])
+        self._show(name, points)
 
     def _show(self, piece: str, points) -> None:
         segments = self._shape(np.reshape(points, (-1, self._wide)))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from web.scene import trail
-from web.scene.trail import CHUNK, MOST, TAIL, Trail, dots, drops, line, shadow, sticks
+from web.scene.trail import CHUNK, MOST, TAIL, Trail, dots, drops, line, needed, shadow, sticks
 
 
 class Canvas:
@@ -24,6 +24,10 @@ class Canvas:
     def segments(self) -> np.ndarray:
         everything = np.vstack([np.zeros((0, 2, 3)), *self.shown.values()])
         return everything[np.argsort(everything[:, 0, 0])]
+
+    def dots(self) -> np.ndarray:
+        everything = np.vstack([np.zeros((0, 3)), *self.shown.values()])
+        return everything[np.argsort(everything[:, 0])]
 
 
 def walk(n: int) -> np.ndarray:
@@ -52,7 +56,7 @@ def test_every_dot_is_shown_once(n):
     for point in walk(n):
         drawn.add(point)
         drawn.update()
-    np.testing.assert_array_equal(canvas.segments()[:, 0], walk(n))
+    np.testing.assert_array_equal(canvas.dots(), walk(n))
 
 
 def test_a_cut_leaves_a_gap():
@@ -71,9 +75,9 @@ def test_pending_points_are_shown_until_taken_back():
     canvas = Canvas()
     drawn = Trail("t", dots, canvas.draw)
     drawn.update([(1, 2, 3)])
-    assert len(canvas.segments()) == 1
+    assert len(canvas.dots()) == 1
     drawn.update([])
-    assert len(canvas.segments()) == 0
+    assert len(canvas.dots()) == 0
 
 
 def test_an_update_costs_a_tail_not_the_flight():
@@ -102,13 +106,31 @@ def test_hours_stay_bounded_and_reach_from_first_to_last(shape, monkeypatch):
         if i % 50 == 0:
             drawn.update()
     drawn.update()
-    ends = canvas.segments()[:, :, 0]
+    ends = canvas.segments()[:, :, 0] if shape is line else canvas.dots()[:, :1]
     assert len(ends) <= (MOST + 2) * 100 + 2 * MOST
     assert ends.min() == 0
     assert round(ends.max()) == n - 1
     assert len(canvas.shown) <= MOST + 2
     if shape is line:  # no hole: each segment starts where the one before ends
         np.testing.assert_array_equal(ends[1:, 0], ends[:-1, 1])
+
+
+def test_an_old_line_keeps_what_it_needs_to_be_true():
+    angle = np.arange(3 * CHUNK) * 0.1 / 20.0  # 0.1 s of a turn with 400 m radius at 20 m/s
+    circle = np.column_stack([400.0 * np.cos(angle), 400.0 * np.sin(angle), np.full(len(angle), 200.0)])
+    kept = needed(circle, 0.25)
+    assert len(kept) < len(circle) / 8
+    np.testing.assert_array_equal(kept[[0, -1]], circle[[0, -1]])
+    middles = (kept[1:] + kept[:-1]) / 2
+    assert 400.0 - np.hypot(middles[:, 0], middles[:, 1]).min() < 0.25
+
+
+def test_a_corner_and_a_cut_of_an_old_line_stay():
+    corner = np.array([(k, 0.0, 0.0) for k in range(30)] + [(29.0, k, 0.0) for k in range(30)])
+    assert (29.0, 0.0, 0.0) in set(map(tuple, needed(corner, 0.01)))
+    cut = np.vstack([corner[:5], [(np.nan,) * 3], corner[7:12]])
+    kept = needed(cut, 1.0)
+    np.testing.assert_array_equal(kept[:, 0], [0, 4, np.nan, 7, 11])
 
 
 def test_redraw_sends_everything_once_more():
