@@ -13,6 +13,7 @@ from gcs.contract.supervision import guarded
 from web.boxing import Boxing
 from web.camera import FOLLOW, ORBIT, TOP, Camera, modes
 from web.look import colours, html
+from web.look.handles import by_hand, set_value
 from web.look.html import clock
 from web.memory.boxed import boxed
 from web.memory.claims import Claim
@@ -24,7 +25,7 @@ from web.panel import apart, events, legend, picked, place, player, sensors, sta
 from web.panel import boxed as in_box
 from web.panel.bell import Bell
 from web.panel.fleet import Fleet
-from web.panel.limits import LimitsForm, alarms, set_value
+from web.panel.limits import LimitsForm, alarms
 from web.panel.player import Player
 from web.plots.dock import Dock
 from web.scene.ghost import Ghost
@@ -46,6 +47,7 @@ NAMES = {
     "sticks": "residual sticks",
     "sights": "lines of sight",
     "trust": "3σ, protection",
+    "site": "ground picture",
 }
 PANEL_PX = 380
 
@@ -144,20 +146,20 @@ class Viewer:
     def _add_show(self) -> None:
         gui = self._client.gui
         self._camera = gui.add_dropdown("camera", modes(self._flight.scene))
-        self._camera.on_update(guarded("view", lambda event: self.camera.set_mode(event.target.value)))
+        by_hand(self._camera, self.camera.set_mode)
         gui.add_button("Reset view").on_click(guarded("view", lambda _: self.camera.look()))
         self._paint = gui.add_dropdown("track colour", CHOICES, initial_value=self._picture.paint)
-        self._paint.on_update(guarded("view", self._set_paint))
+        by_hand(self._paint, lambda choice: self._view.soon(partial(self._picture.set_paint, choice)))
         self._legend = gui.add_html("")
         self._boxes = {}
         for name in LAYERS:
-            if name == "other" and not self._flight.other:
+            if (name == "other" and not self._flight.other) or (name == "site" and not self._picture.site):
                 continue
             box = gui.add_checkbox(NAMES.get(name, name), name not in self._hidden)
-            box.on_update(guarded("view", partial(self._tick_box, name)))
+            by_hand(box, lambda shown, name=name: self._show(name, shown=shown))
             self._boxes[name] = box
         self._dark = gui.add_checkbox("dark", self._view.dark)
-        self._dark.on_update(guarded("view", self._set_dark))
+        by_hand(self._dark, lambda dark: self._view.soon(partial(self._view.set_dark, dark=dark)))
 
     def _add_keys(self) -> None:
         press, look = self._player.press, self._set_camera
@@ -261,9 +263,6 @@ class Viewer:
             )
         self._layers[layer].visible = shown
 
-    def _tick_box(self, layer: str, event: viser.GuiEvent) -> None:
-        self._show(layer, shown=event.target.value)
-
     def _toggle(self, layer: str) -> None:
         shown = layer in self._hidden
         set_value(self._boxes[layer], shown)
@@ -278,14 +277,6 @@ class Viewer:
 
     def _choose(self, vehicle: str) -> None:
         self._view.soon(partial(self._view.look_at, self._client, vehicle))
-
-    def _set_paint(self, event: viser.GuiEvent) -> None:
-        if event.client is not None:
-            self._view.soon(partial(self._picture.set_paint, event.target.value))
-
-    def _set_dark(self, event: viser.GuiEvent) -> None:
-        if event.client is not None:
-            self._view.soon(partial(self._view.set_dark, dark=event.target.value))
 
 
 def _do(act: Callable[[], None], _event: object) -> None:

@@ -24,6 +24,7 @@ from gcs.station.sources.playback import Playback
 if TYPE_CHECKING:
     from gcs.contract.wire.bus import Bus
     from web.memory.other import Geodetic
+    from web.memory.site import GroundPicture
     from web.view import View
 
 
@@ -54,7 +55,15 @@ def open_view(
     from web.view import View  # viser is not needed without a view
 
     said = station.view
-    return View(scene(station, frame), port=said.port, playback=playback, origins=said.origins, other=other)
+    still, ground = scene(station, frame), ground_picture(station)
+    return View(still, port=said.port, playback=playback, origins=said.origins, other=other, ground=ground)
+
+
+def ground_picture(station: Station) -> "GroundPicture | None":
+    """The picture of the ground that the station file names. Raises ``InputError``, one line."""
+    from web.memory import site
+
+    return site.read(Path(station.view.ground)) if station.view.ground else None
 
 
 def other_course(path: Path, flight: Path | None = None) -> "Geodetic":
@@ -75,7 +84,10 @@ def other_course(path: Path, flight: Path | None = None) -> "Geodetic":
         name = path.name
         try:
             rows = simulated.read_truth(path)
-        except InputError:
+        except InputError as error:
+            if "TimeUS is boot time" in str(error) and flight is None:
+                line = f"{path}:1: TimeUS is boot time; give a truth file with t_ns, or a run folder"
+                raise InputError(line) from None
             if flight is None or flight.suffix != ".tlog":
                 raise
             rows = simulated.read_truth(path, simulated.boot_to_utc_ns(flight))

@@ -45,7 +45,7 @@ def boxed(flight: SeenFlight, inside: Inside) -> Boxed:
         measured[claim.sensor] += 1
     for sensor in flight.residuals.sensors():
         rows = flight.residuals.all_raw(sensor)
-        measured[sensor] += int(inside(rows["place_m"].astype(float)).sum())
+        measured[sensor] += int(rows["stands_for"][inside(rows["place_m"].astype(float))].sum())
     values: dict[tuple[str, str], list[Verdict]] = defaultdict(list)
     for claim in outliers:
         for verdict in claim.refused:

@@ -14,7 +14,7 @@ RESIDUAL = np.dtype(  # off: in the channel's unit; kind: index into KINDS
     [("t_ns", "i8"), ("sigmas", "f4"), ("off", "f4"), ("kind", "u1")]
 )
 RAW = np.dtype(  # NaN: does not say
-    [("t_ns", "i8"), ("place_m", "f4", (3,)), ("speed_mps", "f4"), ("kind", "u1")]
+    [("t_ns", "i8"), ("place_m", "f4", (3,)), ("speed_mps", "f4"), ("kind", "u1"), ("stands_for", "i4")]
 )
 NOWHERE = (math.nan, math.nan, math.nan)
 SPEED = ("ve", "vn", "vu")
@@ -51,7 +51,7 @@ class Residuals:
             rows = columns.get(channel) or columns.setdefault(channel, GrowingRows(RESIDUAL, MOST))
             rows.add(row(claim, verdict))
         raw = self._raw.get(claim.sensor) or self._raw.setdefault(claim.sensor, GrowingRows(RAW, MOST))
-        raw.add((claim.t_ns, claim.position or NOWHERE, _speed(claim), KINDS.index(claim.kind)))
+        raw.add((claim.t_ns, claim.position or NOWHERE, _speed(claim), KINDS.index(claim.kind), 1))
 
     def channels(self, sensor: str) -> list[str]:
         return list(self._channels.get(sensor, {}))

@@ -4,7 +4,10 @@ import numpy as np
 
 
 class GrowingRows:
-    """Structured rows with a field ``t_ns``. Beyond ``most`` the older half is thinned, two into one."""
+    """Structured rows with a field ``t_ns``. Beyond ``most`` the older half is thinned, two into one.
+
+    A field ``stands_for``, where there is one, goes on counting what a row stands for.
+    """
 
     def __init__(self, dtype: np.dtype, most: int):
         self._most = most
@@ -19,7 +22,7 @@ class GrowingRows:
     def add(self, row: tuple) -> None:
         if self._size == self._most:
             old, new = np.split(self.view.copy(), [self._most // 2])
-            kept = np.concatenate([old[::2], new])
+            kept = np.concatenate([_halved(old), new])
             self._size = len(kept)
             self._held[: self._size] = kept
         elif self._size == len(self._held):
@@ -34,3 +37,11 @@ class GrowingRows:
 
     def clear(self) -> None:
         self._size = 0
+
+
+def _halved(rows: np.ndarray) -> np.ndarray:
+    """Every second one, for itself and the next."""
+    kept = rows[::2].copy()
+    if "stands_for" in (rows.dtype.names or ()):
+        kept["stands_for"][: len(rows) // 2] += rows["stands_for"][1::2]
+    return kept

@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import viser
 
-from gcs.contract.supervision import guarded
 from web.look import colours
 from web.look.colours import Colour
+from web.look.handles import by_hand
 from web.look.html import block, inked, table
 from web.memory.flight import SeenFlight
 from web.panel.limits import OperatorLimits, alarms
@@ -67,8 +67,7 @@ class Fleet:
     def __init__(self, gui: viser.GuiApi, chosen: str, choose: Callable[[str], None]):
         self._table = gui.add_html("", visible=False)
         self._choice = gui.add_dropdown("vehicle", (chosen,), visible=False)
-        self._choose = choose
-        self._choice.on_update(guarded("view", self._take))
+        by_hand(self._choice, choose)
 
     def update(self, flights: Mapping[str, SeenFlight | None], limits: OperatorLimits, chosen: str) -> None:
         """``flights`` by vehicle; one whose station has not been heard has none, and cannot be chosen."""
@@ -79,7 +78,3 @@ class Fleet:
         if self._choice.options != names:
             self._choice.options = names
         self._table.visible = self._choice.visible = True
-
-    def _take(self, event: viser.GuiEvent) -> None:
-        if event.client is not None:  # our own updates come from no client
-            self._choose(event.target.value)

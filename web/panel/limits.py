@@ -2,13 +2,13 @@
 
 from collections.abc import Callable
 from functools import partial
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import viser
 
 from gcs.contract.messages import Health, State
-from gcs.contract.supervision import guarded
 from web.look import html
+from web.look.handles import by_hand, set_value
 
 
 class OperatorLimits(NamedTuple):
@@ -67,19 +67,8 @@ class LimitsForm:
             html.block('<span class="quiet">0: no such limit. The limits hold for all viewers.</span>')
         )
         for name, handle in self._fields.items():
-            handle.on_update(guarded("view", partial(_changed, put, name)))
+            by_hand(handle, partial(put, name))
 
     def sync(self, limits: OperatorLimits) -> None:
         for name, handle in self._fields.items():
             set_value(handle, getattr(limits, name))
-
-
-def set_value(handle: Any, value: Any) -> None:
-    """Set a handle that does not say so already; viser's types call it read-only, its manual does not."""
-    if handle.value != value:
-        handle.value = value
-
-
-def _changed(put: Callable[[str, float], None], name: str, event: viser.GuiEvent) -> None:
-    if event.client is not None:  # our own updates come from no client
-        put(name, float(event.target.value))

@@ -8,6 +8,7 @@ import viser
 from viser._messages import GuiSliderMark
 
 from gcs.contract.supervision import guarded
+from web.look.handles import by_hand
 from web.memory.flight import STEP_NS, SeenFlight
 from web.memory.timeline import LookBack, Rewind
 from web.panel import events
@@ -47,12 +48,10 @@ class Player:
             if not time_.live:
                 speed = min(SPEEDS, key=lambda name: abs(min(SPEEDS[name], 1e3) - min(time_.speed, 1e3)))
                 self._speed = gui.add_dropdown("speed", tuple(SPEEDS), initial_value=speed)
-                self._speed.on_update(
-                    guarded("view", lambda event: time_.set_speed(SPEEDS[event.target.value]))
-                )
+                by_hand(self._speed, lambda name: time_.set_speed(SPEEDS[name]))
         for group in (self._steps, self._jumps):
             group.on_click(guarded("view", lambda event: self.press(event.target.value)))
-        self._slider.on_update(guarded("view", self._touch))
+        by_hand(self._slider, self._touch)
 
     def mode(self) -> str:
         """One word or two for the badge."""
@@ -113,7 +112,6 @@ class Player:
         else:
             self.time.play()
 
-    def _touch(self, event: viser.GuiEvent) -> None:
-        if event.client is not None:  # our own updates come from no client
-            self._touched_s = time.monotonic()
-            self.time.seek(self.time.start_ns + round(event.target.value * 1e9))
+    def _touch(self, there_s: float) -> None:
+        self._touched_s = time.monotonic()
+        self.time.seek(self.time.start_ns + round(there_s * 1e9))

@@ -46,3 +46,10 @@ def test_a_replay_without_a_page_has_nowhere_to_draw_it(monkeypatch, capsys, tmp
         main()
     assert left.value.code == 2
     assert "add --view" in capsys.readouterr().err
+
+
+def test_boot_time_without_a_log_is_told_without_an_option_that_is_not_there(tmp_path):
+    (tmp_path / "truth.csv").write_text("TimeUS,lat_deg,lon_deg,alt_m\n1,2,3,4\n")
+    with pytest.raises(InputError, match=r"boot time; give a truth file with t_ns") as told:
+        other_course(tmp_path / "truth.csv")
+    assert "--tlog" not in str(told.value)

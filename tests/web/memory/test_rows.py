@@ -37,3 +37,10 @@ def test_cleared_rows_are_gone():
     rows = filled(10, 100)
     rows.clear()
     assert len(rows.view) == 0
+
+
+def test_what_is_thinned_goes_on_being_counted():
+    rows = GrowingRows(np.dtype([("t_ns", "i8"), ("stands_for", "i4")]), 16)
+    for k in range(1_000):
+        rows.add((k, 1))
+    assert rows.view["stands_for"].sum() == 1_000
