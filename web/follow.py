@@ -1,11 +1,12 @@
 """The view alone, on the bus: a plain subscriber of one vehicle's station or of several."""
 
 import threading
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from typing import TYPE_CHECKING
 
 from gcs.contract.messages import Scene
 from web.memory.other import Geodetic
+from web.memory.site import GroundPicture
 from web.view import View
 
 if TYPE_CHECKING:  # zenoh is loaded by whoever opens the bus
@@ -42,27 +43,36 @@ def run(
     *,
     origins: Collection[str] = (),
     other: Geodetic | None = None,
+    ground: GroundPicture | None = None,
+    more: Callable[[], Iterable[tuple[str, "Bus"]]] = tuple,
 ) -> None:
     """Wait for the ``Scene`` of a station, then show all until ``stop``; ``buses`` by vehicle.
 
-    ``opened`` is told the page's address; ``other`` is a course to lay beside the first vehicle's flight.
+    ``opened`` is told the page's address; ``other`` is a course to lay beside the first vehicle's flight,
+    ``ground`` a picture. ``more`` gives vehicles that have come since it was asked last.
     """
     heard = [Heard(name, bus) for name, bus in buses.items()]
-    wait_s = WAIT_S / len(heard)
     first = None
     while first is None and not stop.is_set():
-        first = next((scene for one in heard if (scene := one.scene(wait_s))), None)
+        heard += [Heard(name, bus) for name, bus in more()]
+        if not heard:
+            stop.wait(WAIT_S)
+        first = next((scene for one in heard if (scene := one.scene(WAIT_S / len(heard)))), None)
     if first is None:
         return
-    view = View(first, port=port, origins=origins, other=other if first.vehicle == heard[0].name else None)
-    view.expect(buses)
+    beside = other if first.vehicle == heard[0].name else None
+    view = View(first, port=port, origins=origins, other=beside, ground=ground)
+    view.expect([one.name for one in heard])
     opened(view.url)
     try:
         while not stop.is_set():
+            for name, bus in more():
+                heard.append(Heard(name, bus))
+                view.expect([one.name for one in heard])
             for one in heard:
                 if view.vehicles[one.name]:
-                    one.hand_on(view, wait_s)
-                elif scene := one.scene(wait_s):
+                    one.hand_on(view, WAIT_S / len(heard))
+                elif scene := one.scene(WAIT_S / len(heard)):
                     view.add(scene, other if one is heard[0] else None)
     finally:
         view.close()

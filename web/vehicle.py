@@ -4,9 +4,11 @@ from collections import deque
 
 import viser
 
+from gcs.contract.frames import Frame
 from gcs.contract.messages import ANY, Scene
 from web.memory.flight import SeenFlight
 from web.memory.other import Geodetic, OtherTrack
+from web.memory.site import GroundPicture, laid
 from web.scene.picture import Picture
 
 QUEUE = 200_000  # messages; at more than a million a minute the oldest are skipped, counted and shown
@@ -15,9 +17,16 @@ QUEUE = 200_000  # messages; at more than a million a minute the oldest are skip
 class SeenVehicle:
     """``put`` may be called from any thread; all else runs in the one that draws."""
 
-    def __init__(self, server: viser.ViserServer, scene: Scene, other: Geodetic | None = None):
+    def __init__(
+        self,
+        server: viser.ViserServer,
+        scene: Scene,
+        other: Geodetic | None = None,
+        ground: GroundPicture | None = None,
+    ):
         self.flight = SeenFlight(scene, OtherTrack(other, scene) if other else None)
-        self.picture = Picture(server, self.flight)
+        frame = Frame(scene.origin_lat_deg, scene.origin_lon_deg, scene.origin_alt_m)
+        self.picture = Picture(server, self.flight, laid(ground, frame) if ground else None)
         self.skipped = 0
         self._queue: deque = deque(maxlen=QUEUE)
 

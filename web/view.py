@@ -17,6 +17,7 @@ from gcs.contract.messages import ANY, InputError, Scene
 from gcs.contract.supervision import Part, brief, log
 from web.memory.flight import SeenFlight
 from web.memory.other import Geodetic
+from web.memory.site import GroundPicture
 from web.memory.timeline import Playable, Rewind
 from web.origins import only
 from web.panel.limits import OperatorLimits
@@ -36,7 +37,7 @@ class ViewError(InputError):
 class View:
     """A page for any number of viewers. With ``playback`` they also steer a replay.
 
-    ``other`` is another course of the same flight, to be laid beside it.
+    ``other`` is another course of the same flight, to be laid beside it; ``ground`` a picture, below all.
     """
 
     def __init__(
@@ -47,6 +48,7 @@ class View:
         playback: Playable | None = None,
         origins: Collection[str] = (),
         other: Geodetic | None = None,
+        ground: GroundPicture | None = None,
     ):
         with _hush(), only(port, origins):
             self._server = viser.ViserServer(host="127.0.0.1", port=port, label="gcs", verbose=False)
@@ -54,7 +56,7 @@ class View:
             self._stop_server()
             raise ViewError(f"port {port} is in use: stop the program that holds it, or take another port")
         self.url = f"http://127.0.0.1:{port}"
-        self.limits = OperatorLimits()
+        self.limits, self._ground = OperatorLimits(), ground
         self.dark = False
         self._todo: deque[Callable[[], None]] = deque()
         self._tick = 0
@@ -101,7 +103,7 @@ class View:
     def add(self, scene: Scene, other: Geodetic | None = None) -> None:
         """Show a vehicle; one that is shown already stays as it is."""
         if not self.vehicles.get(scene.vehicle):
-            vehicle = SeenVehicle(self._server, scene, other)
+            vehicle = SeenVehicle(self._server, scene, other, self._ground)
             vehicle.picture.set_dark(dark=self.dark)
             self.vehicles = self.vehicles | {scene.vehicle: vehicle}
 

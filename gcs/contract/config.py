@@ -144,6 +144,11 @@ class ViewSection(Section, frozen=True):
         Meta(description="of pages that may talk to it beside this machine's own: https://HOST of a proxy"),
     ] = msgspec.field(default_factory=list)
 
+    ground: Annotated[
+        str,
+        Meta(description="picture of the ground with a world file, or a GeoTIFF, in degrees; empty: none"),
+    ] = ""
+
     def __post_init__(self) -> None:
         for origin in self.origins:
             if not re.fullmatch(r"https?://[^/\s]+", origin):

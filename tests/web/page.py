@@ -50,11 +50,14 @@ def other() -> Geodetic:
     return Geodetic("truth.csv", flight.START_NS + np.round(t_s * S).astype(np.int64), *there)
 
 
-def opened(playback: Tape | None, beside: Geodetic | None = None) -> View:
+def free_port() -> int:
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
-    view = View(flight.SCENE, port=port, playback=playback, other=beside)
+        return probe.getsockname()[1]
+
+
+def opened(playback: Tape | None, beside: Geodetic | None = None) -> View:
+    view = View(flight.SCENE, port=free_port(), playback=playback, other=beside)
     for message, source in flight.messages(40.0):
         if isinstance(message, State):
             message = msgspec.structs.replace(message, protection_h_m=3.2, protection_v_m=6.4)

@@ -6,10 +6,12 @@ import viser
 from gcs.contract.messages import Instrument
 from web.look import colours
 from web.look.colours import Colour
+from web.memory.site import LaidPicture
 from web.scene import glyphs
 from web.scene.lines import Lines
 
 NORTH_M = 300.0
+BELOW_M = 2.0  # the level plane lies a picture, so that grid and shadows are seen on it
 
 
 def draw_ground(api: viser.SceneApi, lines: Lines, root: str) -> None:
@@ -39,6 +41,19 @@ def draw_ground(api: viser.SceneApi, lines: Lines, root: str) -> None:
             font_screen_scale=0.8,
             anchor="center-center",
         )
+
+
+def draw_site(api: viser.SceneApi, root: str, site: LaidPicture) -> None:
+    """The user's picture, below all that is drawn on the ground."""
+    api.add_image(
+        f"{root}/site/picture",
+        site.pixels,
+        *site.size_m,
+        position=(*site.middle_m, -BELOW_M),
+        wxyz=(0.0, 1.0, 0.0, 0.0),  # an image has x to the right and y down
+        cast_shadow=False,
+        receive_shadow=False,
+    )
 
 
 def draw_instrument(

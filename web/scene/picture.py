@@ -11,10 +11,11 @@ from web.look import colours
 from web.look.colours import Colour
 from web.memory.claims import ACCEPTED, Claim
 from web.memory.flight import SeenFlight
+from web.memory.site import LaidPicture
 from web.scene import glyphs, paint
 from web.scene.aircraft import Aircraft
 from web.scene.clouds import Clouds
-from web.scene.ground import draw_ground, draw_instrument
+from web.scene.ground import draw_ground, draw_instrument, draw_site
 from web.scene.lines import Lines
 from web.scene.trail import Trail, dots, drops, line, shadow, sticks
 from web.scene.wind import Arrow
@@ -31,6 +32,7 @@ LAYERS = {  # by name: shown at first
     "trust": True,
     "ground": True,
     "wind": True,
+    "site": True,
 }
 FRESH_NS = 2_000_000_000  # a line of sight goes this long after the instrument's last claim
 DROP_NS = 5_000_000_000  # a line down to the ground, of flight
@@ -44,8 +46,8 @@ AFAR_M = 2000.0  # where nobody looks, things have the size for this distance
 class Picture:
     """Draws one flight under its own root on ``update``."""
 
-    def __init__(self, server: viser.ViserServer, flight: SeenFlight):
-        self._server, self._flight = server, flight
+    def __init__(self, server: viser.ViserServer, flight: SeenFlight, site: LaidPicture | None = None):
+        self._server, self._flight, self.site = server, flight, site
         self._scene, self._colours = flight.scene, colours.of_sensors(flight.scene)
         self._dark = False
         self.paint = paint.PLAIN
@@ -58,6 +60,8 @@ class Picture:
             server.scene.add_frame(f"{root}/{name}", show_axes=False, visible=shown)
         self._lines, self._clouds = Lines(server.scene), Clouds(server.scene, AFAR_M)
         draw_ground(server.scene, self._lines, root)
+        if site:
+            draw_site(server.scene, root, site)
         self._glyphs = []
         for instrument in self._scene.instruments:
             colour = self._colours[instrument.name]

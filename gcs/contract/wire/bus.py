@@ -174,6 +174,11 @@ class Bus:
         )
         return list(replies)
 
+    def vehicles(self) -> set[str]:
+        """The vehicles of this range whose stations answer now."""
+        replies = self._ask(f"{self._prefix.split('/', 1)[0]}/*/scene")
+        return {str(reply.ok.key_expr).split("/")[1] for reply in replies if reply.ok}
+
     def claim(self, *subjects: str) -> Counter[str]:
         """Watch ``subjects`` that nobody else should write; counts what others put there, by their id."""
         others: Counter[str] = Counter()
