@@ -101,12 +101,15 @@ def page(
     seconds: float = 60.0,
     repeats: int = 3,
     tape: Annotated[Path | None, Parameter(show=False)] = None,
+    watch: Annotated[int | None, Parameter(show=False)] = None,
 ) -> None:
     """The page of an hour of flight: bytes, first picture, memory, seeks; what it takes from the fusion."""
     from bench.speed import page as asked
 
     if tape:
         asked.serve(tape, minutes)
+    elif watch:
+        asked.watch(watch)
     else:
         asked.run(parts, minutes, seconds, repeats)
 
