@@ -158,7 +158,7 @@ class Monitor:
         """Note only how new an update's measurements are: so much a state has to wait for."""
         if update is self._seen:
             return
-        self._seen, seen = update, dict[int, list[int]]()
+        self._seen, seen, first = update, dict[int, list[int]](), not self._data_ns
         valid = update.judged[update.judged["verdict"] < JUDGED]
         for sensor, t_ns in zip(valid["sensor"].tolist(), valid["t_ns"].tolist(), strict=True):
             seen.setdefault(sensor, []).append(t_ns)
@@ -166,6 +166,8 @@ class Monitor:
             self._tallies[self._sensors[sensor]].see(times)
             self._data_ns = max(self._data_ns, *times)
         self._data_ns = max(self._data_ns, int(update.track["t_ns"].max(initial=0)))
+        if first and self._data_ns:  # until now it was the station's own clock, the flight's may be behind
+            self.now_ns = self._checked_ns = self._next_ns = 0
 
     def take(self, update: Update) -> list[Health | Event]:
         """Note an update; gives the messages that are due."""

@@ -171,3 +171,12 @@ def test_what_several_sinks_ask_about_is_noted_once():
     assert monitor.take(once) is told
     radar = health(monitor.take(update([4 * S]))).sensors["radar"]
     assert radar.rows == 3
+
+
+def test_a_flight_whose_clock_is_behind_the_station_s_has_health_once_a_second():
+    monitor = Monitor(["radar"], LiveFeeds())
+    nothing = update([S])._replace(track=np.zeros(0, TRACK), judged=np.zeros(0, ENTRY))
+    assert health(run(monitor, nothing)).t_ns > 60 * S  # by the station's clock: no data yet
+    last_week = [update([k * S // 10]) for k in range(10, 60)]
+    times = [message.t_ns for message in run(monitor, *last_week) if isinstance(message, Health)]
+    assert times == [S, 2 * S, 3 * S, 4 * S, 5 * S]
