@@ -13,7 +13,7 @@ from gcs.contract.supervision import guarded
 from web.boxing import Boxing
 from web.camera import FOLLOW, ORBIT, TOP, Camera, modes
 from web.look import colours, html
-from web.look.handles import by_hand, set_value
+from web.look.handles import Follower, by_hand, set_value
 from web.look.html import clock
 from web.memory.boxed import boxed
 from web.memory.claims import Claim
@@ -150,15 +150,17 @@ class Viewer:
         gui.add_button("Reset view").on_click(guarded("view", lambda _: self.camera.look()))
         self._paint = gui.add_dropdown("track colour", CHOICES, initial_value=self._picture.paint)
         by_hand(self._paint, lambda choice: self._view.soon(partial(self._picture.set_paint, choice)))
+        self._painted = Follower(self._paint)
         self._legend = gui.add_html("")
         self._boxes = {}
         for name in LAYERS:
             if (name == "other" and not self._flight.other) or (name == "site" and not self._picture.site):
                 continue
             box = gui.add_checkbox(NAMES.get(name, name), name not in self._hidden)
-            by_hand(box, lambda shown, name=name: self._show(name, shown=shown))
+            by_hand(box, self._switch(name))
             self._boxes[name] = box
         self._dark = gui.add_checkbox("dark", self._view.dark)
+        self._darkened = Follower(self._dark)
         by_hand(self._dark, lambda dark: self._view.soon(partial(self._view.set_dark, dark=dark)))
 
     def _add_keys(self) -> None:
@@ -221,8 +223,8 @@ class Viewer:
     def _sync(self) -> None:
         """Show what another viewer has set for all."""
         self._limits.sync(self._view.limits)
-        set_value(self._paint, self._picture.paint)
-        set_value(self._dark, self._view.dark)
+        self._painted.follow(self._picture.paint)
+        self._darkened.follow(self._view.dark)
 
     def _haunt(self, shown: State | None) -> None:
         if self._time.back and shown:
@@ -262,6 +264,9 @@ class Viewer:
                 f"{self._flight.root}/{layer}", show_axes=False
             )
         self._layers[layer].visible = shown
+
+    def _switch(self, layer: str) -> Callable[[bool], None]:
+        return lambda shown: self._show(layer, shown=shown)
 
     def _toggle(self, layer: str) -> None:
         shown = layer in self._hidden

@@ -5,8 +5,15 @@ import re
 import numpy as np
 
 from tests.web import browser
-from tests.web.page import S, canvas, ink, pixel, tab, until
+from tests.web.page import S, canvas, choose, ink, pixel, tab, until
+from web.camera import modes
 from web.panel.limits import OperatorLimits
+from web.panel.place import forms
+from web.plots.curves import CHOICES
+from web.plots.dock import SPANS_S
+from web.scene.paint import UNITS
+from web.scene.picture import LAYERS
+from web.viewer import NAMES
 
 pytestmark = browser.NEEDED
 
@@ -100,3 +107,86 @@ def test_a_control_that_fails_is_logged(page, view, caplog, monkeypatch):
     monkeypatch.setattr(next(iter(view._viewers.values()))._boxing, "press", broken)
     page.get_by_role("button", name="Outliers in a box").click()
     assert until(lambda: "view failed: ValueError: cannot happen" in caplog.text)
+
+
+def viewer_of(view):
+    return next(iter(view._viewers.values()))
+
+
+def test_every_box_shows_and_hides_its_layer(page, view):
+    tab(page, "Show")
+    viewer = viewer_of(view)
+    boxes = viewer._boxes
+    assert {*boxes} == {*LAYERS} - {"site"}  # that one has a page of its own
+    for name in boxes:
+        before = name not in viewer._hidden
+        for shown in (not before, before):
+            page.get_by_role("checkbox", name=NAMES.get(name, name), exact=True).click()
+            assert until(lambda name=name, shown=shown: (name not in viewer._hidden) == shown), name
+            assert viewer._layers[name].visible == shown
+
+
+def test_every_camera_is_chosen(page, view):
+    tab(page, "Show")
+    for mode in (*modes(view.flight.scene)[1:], "orbit"):
+        choose(page, "camera", mode)
+        assert until(lambda mode=mode: viewer_of(view).camera.mode == mode), mode
+
+
+def test_every_colour_of_the_track_is_chosen(page, view):
+    tab(page, "Show")
+    for choice in (*UNITS, "plain"):
+        choose(page, "track colour", choice)
+        assert until(lambda choice=choice: view.picture.paint == choice), choice
+
+
+def test_every_form_of_the_position_is_chosen(page, view):
+    tab(page, "Flight")
+    local, geodetic, *names = forms(view.flight.scene)
+    for form, told in ((geodetic, "latitude"), *((name, "true azimuth") for name in names), (local, "East")):
+        choose(page, "position as", form)
+        page.locator(".copy").filter(has_text=told).first.wait_for()
+
+
+def test_every_plot_and_span_is_chosen(page, view):
+    dock = viewer_of(view)._dock
+    for label, options, handle in (("Show", CHOICES, dock._choice), ("Over", tuple(SPANS_S), dock._span)):
+        for option in (*options[1:], options[0]):
+            choose(page, label, option)
+            assert until(lambda option=option, handle=handle: handle.value == option), option
+
+
+def test_every_level_of_events_is_chosen(page):
+    tab(page, "Events")
+    for level, told in (
+        ("errors", "none yet"),
+        ("warnings", "12 azimuths in a row"),
+        ("all", "recording started"),
+    ):
+        choose(page, "show", level)
+        page.get_by_text(told).filter(visible=True).first.wait_for()
+
+
+def test_every_limit_is_set_by_hand_and_shown_to_all(page, view):
+    tab(page, "Limits")
+    for label, name, value in (
+        ("position within m", "protection_h_m", 2.5),
+        ("height within m", "protection_v_m", 7.5),
+        ("refused share", "refused_share", 0.35),
+        ("silent for s", "silent_s", 4.0),
+    ):
+        page.get_by_label(label).fill(str(value))
+        page.get_by_label(label).press("Enter")
+        assert until(lambda name=name, value=value: getattr(view.limits, name) == value), name
+    page.get_by_text("position holds within 3.2 m, 2.5 m is demanded").wait_for()
+    view.limits = OperatorLimits()
+    assert until(lambda: page.get_by_label("silent for s").input_value() == "2")
+
+
+def test_a_time_that_is_typed_is_gone_to(page, view):
+    tab(page, "Flight")
+    seconds = page.locator(".mantine-NumberInput-input").filter(visible=True).first
+    seconds.fill("12.5")
+    seconds.press("Enter")
+    assert until(lambda: 12 * S <= view.playback.now_ns - view.playback.start_ns < 16 * S)
+    view.playback.seek(view.playback.start_ns + 40 * S)

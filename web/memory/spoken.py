@@ -19,10 +19,12 @@ class Spoken(Generic[Message]):
         self._kept: deque[bytes] = deque(maxlen=MOST)
 
     def add(self, t_ns: int, message: Message) -> None:
-        """One that is not newer than the last is left out."""
-        if not self._times or t_ns > self._times[-1]:
-            self._times.append(t_ns)
-            self._kept.append(msgspec.msgpack.encode(message))
+        """What has a later time is forgotten: before the first data it was not the flight's clock."""
+        while self._times and self._times[-1] >= t_ns:
+            self._times.pop()
+            self._kept.pop()
+        self._times.append(t_ns)
+        self._kept.append(msgspec.msgpack.encode(message))
 
     def at(self, t_ns: int) -> Message | None:
         """The newest one up to that time."""

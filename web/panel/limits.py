@@ -8,7 +8,7 @@ import viser
 
 from gcs.contract.messages import Health, State
 from web.look import html
-from web.look.handles import by_hand, set_value
+from web.look.handles import Follower, by_hand
 
 
 class OperatorLimits(NamedTuple):
@@ -55,7 +55,7 @@ class LimitsForm:
     """One viewer's fields for the limits of all: ``put`` takes a limit, ``sync`` shows what others set."""
 
     def __init__(self, gui: viser.GuiApi, limits: OperatorLimits, put: Callable[[str, float], None]):
-        self._fields = {
+        fields = {
             "protection_h_m": gui.add_number("position within m", limits.protection_h_m, min=0.0, step=0.5),
             "protection_v_m": gui.add_number("height within m", limits.protection_v_m, min=0.0, step=0.5),
             "refused_share": gui.add_number(
@@ -66,9 +66,10 @@ class LimitsForm:
         gui.add_html(
             html.block('<span class="quiet">0: no such limit. The limits hold for all viewers.</span>')
         )
-        for name, handle in self._fields.items():
+        self._followers = {name: Follower(handle) for name, handle in fields.items()}
+        for name, handle in fields.items():
             by_hand(handle, partial(put, name))
 
     def sync(self, limits: OperatorLimits) -> None:
-        for name, handle in self._fields.items():
-            set_value(handle, getattr(limits, name))
+        for name, follower in self._followers.items():
+            follower.follow(getattr(limits, name))
