@@ -178,6 +178,7 @@ def test_keys(page, view):
 
 
 def test_at_the_end_play_begins_anew(page, view, tape):
+    choose(page, "speed", "1×")
     tape.now_ns = tape.end_ns
     page.get_by_text("END", exact=True).wait_for()
     page.get_by_role("button", name="play").click()

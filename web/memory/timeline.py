@@ -10,6 +10,9 @@ from typing import NamedTuple, Protocol
 from web.memory.flight import SeenFlight
 
 
+FASTEST = 50.0  # times real time: what was flown is played no faster, else nobody would see it
+
+
 class Playable(Protocol):
     """A replay: what may be done with its time."""
 
@@ -118,9 +121,7 @@ class Rewind:
             return self._replay.now_ns
         if not past.playing:
             return past.at_ns
-        if math.isinf(self.speed):
-            return self.front_ns
-        played_ns = (time.monotonic() - past.since_s) * self.speed * 1e9
+        played_ns = (time.monotonic() - past.since_s) * min(self.speed, FASTEST) * 1e9
         return min(past.at_ns + round(played_ns), self.front_ns)
 
     @property
@@ -156,7 +157,8 @@ class Rewind:
         playing = self.playing
         if t_ns < self.front_ns:
             self._replay.pause()
-            self._go(t_ns, playing=playing)
+            hurried = math.isinf(self.speed) or self.now_ns >= self.end_ns  # it would run away from there
+            self._go(t_ns, playing=playing and not hurried)
             return
         self._past = None
         self._replay.seek(t_ns)

@@ -91,10 +91,25 @@ def test_the_past_plays_at_its_speed_and_hands_over_at_the_front(clock):
     assert (time.now_ns, time.playing, tape.playing, time.back) == (START_NS + 40 * S, True, True, False)
 
 
-def test_at_full_speed_the_past_is_over_at_once(clock):
+def test_at_full_speed_or_at_the_end_a_moment_that_was_sought_stays(clock):
+    for speed, end_ns in ((math.inf, START_NS + 60 * S), (1.0, START_NS + 40 * S)):
+        time = Rewind(tape := FlyingTape(), flown(40.0))
+        tape.end_ns = end_ns
+        time.set_speed(speed)
+        time.seek(START_NS + 10 * S)
+        clock[0] += 9.0
+        time.step()
+        assert (time.now_ns, time.playing) == (START_NS + 10 * S, False)
+
+
+def test_at_full_speed_the_past_is_played_as_fast_as_it_can_be_seen(clock):
     time = Rewind(FlyingTape(), flown(40.0))
-    time.seek(START_NS + 10 * S)
     time.set_speed(math.inf)
+    time.seek(START_NS + 10 * S)
+    time.play()
+    clock[0] += 0.1
+    assert time.now_ns == START_NS + 15 * S
+    clock[0] += 0.6
     time.step()
     assert (time.now_ns, time.back) == (START_NS + 40 * S, False)
 
