@@ -1,8 +1,11 @@
-"""Makes the pictures of the page in docs/, in a real Chromium, of the sample flight.
+"""Makes the pictures of the page and of the reports in docs/, in a real Chromium, of the sample flight.
 
-``python docs/pictures.py`` makes all, ``python docs/pictures.py view-picked`` one. The page is the station's
-own, of ``gcs replay`` and ``gcs run``, driven as an operator would; the several vehicles are made up. Without
-a graphics card a picture takes about a minute.
+    python docs/pictures.py                   those of docs/
+    python docs/pictures.py view-picked       one of them
+    python docs/pictures.py --all FOLDER …    each on the light and the dark page, 1280 x 720 and 1920 x 1080
+
+The page is the station's own, of ``gcs demo``, ``replay`` and ``run``, driven as an operator would; the
+several vehicles are made up. Without a graphics card a picture takes about a minute.
 """
 
 import io
@@ -15,6 +18,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -29,36 +33,80 @@ from gcs.contract.messages import Health, State  # noqa: E402
 from tests.web import browser, flight  # noqa: E402
 from web.view import View  # noqa: E402
 
-SAMPLE, PORT = ROOT / "logs" / "sample", 26_090
-BUS, MAVLINK = "tcp/127.0.0.1:26091", "udpin:127.0.0.1:26092"
+SAMPLE, PORT = ROOT / "logs" / "sample", 23_090
+BUS, MAVLINK = "tcp/127.0.0.1:23091", "udpin:127.0.0.1:23092"
+TOLERANCE = ("--tolerance-h", "2", "--tolerance-v", "2")
 SMALL, LARGE = {"width": 1280, "height": 720}, {"width": 1920, "height": 1080}
 WIDE_PX = 1280  # pictures of the large window are made smaller for the page
+PATIENCE_MS = 240_000  # of a busy machine without a graphics card
 COLOURS = 128  # of a palette: a third of the bytes
+
+
+class Look(NamedTuple):
+    """Of the browser's window."""
+
+    size: dict[str, int]
+    dark: bool
 
 
 class Shot(NamedTuple):
     """One picture."""
 
-    size: dict[str, int]
+    look: Look  # in docs/
     source: Callable[[], Any]  # opens what is shown, until the picture is taken
     drive: Callable[[Any, Any], None]
 
 
-def main(wanted: list[str]) -> None:
+def main(words: list[str]) -> None:
+    folder = Path(words[1]) if words[:1] == ["--all"] else None
+    wanted = words[2:] if folder else words
     for name, shot in SHOTS.items():
         if wanted and name not in wanted:
             continue
-        with (
-            shot.source() as process,
-            browser.open_page(f"http://127.0.0.1:{PORT}", shot.size) as page,
-        ):
-            if shot.source is replayed:
-                page.get_by_text("END", exact=True).wait_for()
-            shot.drive(page, process)
+        looks = (
+            [Look(size, dark) for size in (SMALL, LARGE) for dark in (False, True)] if folder else [shot.look]
+        )
+        with shot.source() as source:
+            for look in looks:
+                take = of_file if isinstance(source, Path) else of_page
+                picture = take(shot, source, look)
+                shade = f"-{look.size['width']}-{'dark' if look.dark else 'light'}"
+                path = folder / f"{name}{shade}.png" if folder else ROOT / "docs" / f"{name}.png"
+                save(picture, path, shrunk=not folder)
+                print(f"{path.name}: {path.stat().st_size // 1000} kB", flush=True)
+
+
+def of_page(shot: Shot, process: Any, look: Look) -> bytes:
+    with browser.open_page(f"http://127.0.0.1:{PORT}", look.size) as page:
+        page.set_default_timeout(PATIENCE_MS)
+        if shot.source is replayed:
+            page.get_by_text("END", exact=True).wait_for()
+            page.get_by_role("tab", name="Flight", exact=True).click()
+        page.get_by_role("tab", name="Show", exact=True).click()
+        dark = page.get_by_role("checkbox", name="dark", exact=True)
+        dark.set_checked(look.dark, force=True)
+        page.get_by_role("tab", name="Flight", exact=True).click()
+        shot.drive(page, process)
+        if shot.source is not flying:  # that never comes to rest
             browser.settle(page)
-            path = ROOT / "docs" / f"{name}.png"
-            save(page.screenshot(), path)
-            print(f"{path.relative_to(ROOT)}: {path.stat().st_size // 1000} kB")
+        picture = page.screenshot(timeout=120_000)
+        if process:
+            process.send_signal(signal.SIGCONT)
+        return picture
+
+
+def of_file(shot: Shot, file: Path, look: Look) -> bytes:
+    """The first screen of a report."""
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as playwright:
+        chromium = playwright.chromium.launch(executable_path=browser.CHROMIUM, args=browser.ARGS)
+        tab = chromium.new_page(viewport=look.size, color_scheme="dark" if look.dark else "light")
+        tab.goto(file.as_uri())
+        shot.drive(tab, None)
+        picture = tab.screenshot(timeout=120_000)
+        chromium.close()
+    return picture
 
 
 @contextmanager
@@ -67,7 +115,7 @@ def station(*command: str) -> Iterator[subprocess.Popen]:
     settings = (f"view.port={PORT}", f"bus.endpoint={BUS}", f"mavlink.link={MAVLINK}")
     with tempfile.TemporaryDirectory() as out:
         process = subprocess.Popen(
-            [sys.executable, "-m", "gcs", *command, "--station", str(SAMPLE / "station.toml"), "--out", out,
+            [sys.executable, "-m", "gcs", *command, "--out", out,
              *(word for setting in settings for word in ("--config", setting))],
             cwd=ROOT, stderr=subprocess.PIPE, text=True,
         )  # fmt: skip
@@ -83,7 +131,8 @@ def station(*command: str) -> Iterator[subprocess.Popen]:
 
 
 FEEDS = [f"{name}={SAMPLE / name}.csv" for name in ("theo-north", "theo-east", "radar-1")]
-FLOWN = ("replay", str(SAMPLE / "flight.tlog"), "--feed", *FEEDS)
+STATION = ("--station", str(SAMPLE / "station.toml"))
+FLOWN = ("replay", str(SAMPLE / "flight.tlog"), "--feed", *FEEDS, *STATION)
 
 
 def replayed() -> Any:
@@ -93,7 +142,24 @@ def replayed() -> Any:
 
 def unheard() -> Any:
     """A station that has heard nothing yet."""
-    return station("run")
+    return station("run", *STATION)
+
+
+def flying() -> Any:
+    """The demo, live."""
+    return station("demo")
+
+
+@contextmanager
+def reported(*, compared: bool) -> Iterator[Path]:
+    """The report of the sample flight, or its best estimate against the truth."""
+    with tempfile.TemporaryDirectory() as out:
+        gcs = [sys.executable, "-m", "gcs"]
+        page, run = Path(out, "page.html"), str(Path(out, "sample-flight"))
+        subprocess.run([*gcs, *FLOWN, "--out", run], cwd=ROOT, check=True, capture_output=True)
+        what = ["compare", run, str(SAMPLE / "truth.csv")] if compared else ["report", run, *TOLERANCE]
+        subprocess.run([*gcs, *what, "--out", str(page)], cwd=ROOT, check=True, capture_output=True)
+        yield page
 
 
 @contextmanager
@@ -121,14 +187,23 @@ def range_of_three() -> Iterator[None]:
     view.close()
 
 
-def flown(page: Any, _process: subprocess.Popen) -> None:
+def live(page: Any, _process: subprocess.Popen) -> None:
+    """Half a minute of flight, the sensors beside it."""
     page.get_by_role("tab", name="Sensors", exact=True).click()
+    page.get_by_text("LIVE", exact=True).wait_for(timeout=180_000)
+    page.wait_for_timeout(30_000)
+
+
+def flagged(page: Any, _process: subprocess.Popen) -> None:
+    """Back in the middle of a patch of the radar, which the bar tells."""
+    seconds = page.locator(".mantine-NumberInput-input").filter(visible=True).first
+    seconds.fill("26.4")
+    seconds.press("Enter")
+    page.locator(".bar").filter(has_text="radar-1").first.wait_for()
 
 
 def picked(page: Any, _process: subprocess.Popen) -> None:
-    """The outlier that stands most by itself, clicked, on the dark page."""
-    page.get_by_role("tab", name="Show", exact=True).click()
-    page.get_by_role("checkbox", name="dark", exact=True).click()
+    """The outlier that stands most by itself, clicked."""
     browser.settle(page)
     pixels = np.array(Image.open(io.BytesIO(page.screenshot())).convert("RGB"), int)
     middle = slice(360, 880)  # between the panels
@@ -180,23 +255,32 @@ def many(page: Any, _process: None) -> None:
     page.get_by_text("NO STATION").wait_for()
 
 
-def save(png: bytes, path: Path) -> None:
+def drawn(page: Any, _process: None) -> None:
+    page.locator("body[data-drawn=all]").wait_for(timeout=180_000)
+
+
+def save(png: bytes, path: Path, *, shrunk: bool) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
     picture = Image.open(io.BytesIO(png)).convert("RGB")
-    if picture.width > WIDE_PX:
+    if shrunk and picture.width > WIDE_PX:
         picture = picture.resize(
             (WIDE_PX, picture.height * WIDE_PX // picture.width), Image.Resampling.LANCZOS
         )
     picture.quantize(COLOURS, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE).save(path, optimize=True)
 
 
+LIGHT, DARK, WIDE = Look(SMALL, dark=False), Look(SMALL, dark=True), Look(LARGE, dark=False)
 SHOTS = {
-    "view": Shot(SMALL, replayed, flown),
-    "view-picked": Shot(SMALL, replayed, picked),
-    "view-painted": Shot(LARGE, replayed, painted),
-    "view-lost": Shot(SMALL, replayed, lost),
-    "view-empty": Shot(SMALL, unheard, empty),
-    "view-boxed": Shot(LARGE, replayed, boxed),
-    "view-vehicles": Shot(SMALL, range_of_three, many),
+    "view": Shot(LIGHT, flying, live),
+    "view-flagged": Shot(LIGHT, replayed, flagged),
+    "view-picked": Shot(DARK, replayed, picked),
+    "view-painted": Shot(WIDE, replayed, painted),
+    "view-boxed": Shot(WIDE, replayed, boxed),
+    "view-lost": Shot(LIGHT, replayed, lost),
+    "view-empty": Shot(LIGHT, unheard, empty),
+    "view-vehicles": Shot(LIGHT, range_of_three, many),
+    "report": Shot(LIGHT, partial(reported, compared=False), drawn),
+    "compare": Shot(DARK, partial(reported, compared=True), drawn),
 }
 
 if __name__ == "__main__":
