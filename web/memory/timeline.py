@@ -9,7 +9,6 @@ from typing import NamedTuple, Protocol
 
 from web.memory.flight import SeenFlight
 
-
 FASTEST = 50.0  # times real time: what was flown is played no faster, else nobody would see it
 
 
