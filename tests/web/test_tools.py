@@ -123,7 +123,7 @@ def test_every_box_shows_and_hides_its_layer(page, view):
         for shown in (not before, before):
             page.get_by_role("checkbox", name=NAMES.get(name, name), exact=True).click()
             assert until(lambda name=name, shown=shown: (name not in viewer._hidden) == shown), name
-            assert viewer._layers[name].visible == shown
+            assert until(lambda name=name, shown=shown: viewer._layers[name].visible == shown), name
 
 
 def test_every_camera_is_chosen(page, view):
