@@ -202,8 +202,8 @@ def _is_wide(y, C, place, i, offset, s):
 def _is_possible(y, C, place, i, offset, s):
     """Whether row ``i`` has a place, and position ``y``, ``C`` may be as far from sensor ``s`` as that is.
 
-    Else the place says nothing of how an angle depends on the position: a target taken to be at the instrument
-    itself would lie on every line of sight.
+    Else the place says nothing of how an angle depends on the position: a target taken to be at the
+    instrument itself would lie on every line of sight.
     """
     if place[i, 0] != place[i, 0]:
         return False

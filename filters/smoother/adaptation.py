@@ -56,7 +56,9 @@ def motion_prior(psd: np.ndarray) -> np.ndarray:
     return np.stack([np.log(np.where(moves, psd, 1.0)), np.where(moves, USUAL_SIGMA**-2, np.inf)])
 
 
-def follow_motion(known: np.ndarray, prior: np.ndarray, psd: np.ndarray, scores: Scores, seconds: float):
+def follow_motion(
+    known: np.ndarray, prior: np.ndarray, psd: np.ndarray, scores: Scores, seconds: float
+) -> np.ndarray:
     """(2, 4) as `motion_prior` after ``seconds`` more of decided rows, scored at ``psd`` (2, 4)."""
     moves, out = psd[0] > 0.0, known.copy()
     keep = np.exp(-seconds / MOTION_MEMORY_S)

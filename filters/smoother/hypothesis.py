@@ -175,4 +175,6 @@ class Hypothesis:
         self.anchor, self.young = Moment(int(t_ns), x, P, memory), False
         self.own = Outcome(*(column[cut:].copy() for column in self.own))
         self.scale = adaptation.follow_noise(self.scale, space.prior_noise, found, seconds)
-        self.motion = adaptation.follow_motion(self.motion, space.prior_motion, self.densities(), found, seconds)
+        self.motion = adaptation.follow_motion(
+            self.motion, space.prior_motion, self.densities(), found, seconds
+        )
