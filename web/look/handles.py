@@ -20,10 +20,6 @@ class Follower:
 
     def __init__(self, handle: Any):
         self._handle, self._before = handle, handle.value
-        by_hand(handle, self._moved)
-
-    def _moved(self, value: Any) -> None:
-        self._before = value
 
     def follow(self, value: Any) -> None:
         if value != self._before:

@@ -68,7 +68,13 @@ class LimitsForm:
         )
         self._followers = {name: Follower(handle) for name, handle in fields.items()}
         for name, handle in fields.items():
-            by_hand(handle, partial(put, name))
+            by_hand(handle, partial(self._put, put, name))
+
+    def _put(self, put: Callable[[str, float], None], name: str, value: float) -> None:
+        put(name, value)
+        self._followers[name].follow(
+            value
+        )  # or one taken back before the next `sync` would look like the old
 
     def sync(self, limits: OperatorLimits) -> None:
         for name, follower in self._followers.items():
