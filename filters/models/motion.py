@@ -15,7 +15,7 @@ import numpy as np
 from filters.models.kernel import exact, kernel
 
 CORE = 9
-PSD = np.array([10.0, 10.0, 1.0, 1.0])  # to begin with: 3 m/s³ held for a second; moderate turbulence
+PSD = np.array([10.0, 10.0, 0.3, 0.3])  # to begin with: 3 m/s³ held for a second; light turbulence
 LOWEST = np.array([0.05, 0.05, 1e-4, 1e-4])  # hovering in still air
 HIGHEST = np.array([3e3, 3e3, 50.0, 50.0])  # aerobatics; 25 m/s² from sample to sample at 12 Hz
 

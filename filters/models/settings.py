@@ -11,7 +11,7 @@ class Settings(NamedTuple):
     """The motion to expect, the INS, a height known beforehand, and how long later rows count."""
 
     jerk_psd: float = 10.0  # m²/s⁵, middle of the prior of the density of the white jerk
-    gust_psd: float = 1.0  # m²/s³, the same of the white acceleration
+    gust_psd: float = 0.3  # m²/s³, the same of the white acceleration
     ins_bias_sigma_m: float = ins.BIAS_SIGMA_M
     ins_bias_tau_s: float = ins.BIAS_TAU_S
     height_m: float = np.nan  # of the target, where no sensor sees it; NaN: not known

@@ -178,8 +178,8 @@ class FilterSection(Section, frozen=True):
         float, Meta(ge=1e-3, le=1e5, description="white jerk to begin with: 3 m/s³ held for a second")
     ] = 10.0
     gust_psd: Annotated[
-        float, Meta(ge=1e-6, le=1e3, description="white acceleration to begin with: moderate turbulence")
-    ] = 1.0
+        float, Meta(ge=1e-6, le=1e3, description="white acceleration to begin with: light turbulence")
+    ] = 0.3
     ins_bias_sigma_m: Annotated[
         float, Meta(ge=1e-3, le=1e4, description="slow INS position error: a single-frequency receiver")
     ] = 2.5

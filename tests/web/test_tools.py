@@ -1,6 +1,7 @@
 """The page's tools in headless Chromium: another course, outliers in a box, marks of time."""
 
 import re
+from functools import partial
 
 import numpy as np
 
@@ -63,8 +64,12 @@ def test_the_key_begins_a_box_and_leaves_it(page, view):
     box = canvas(page)
     eye = next(iter(view._viewers.values())).camera.eye()
     middle = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
-    drag(page, middle, (middle[0] + 80, middle[1]))
-    assert until(lambda: np.abs(next(iter(view._viewers.values())).camera.eye() - eye).max() > 10.0)
+
+    def turned() -> bool:
+        drag(page, middle, (middle[0] + 80, middle[1]))
+        return np.abs(next(iter(view._viewers.values())).camera.eye() - eye).max() > 10.0
+
+    assert until(turned)
     tab(page, "Show")
     page.get_by_role("button", name="Reset view").click()
 
@@ -123,7 +128,8 @@ def test_every_box_shows_and_hides_its_layer(page, view):
         for shown in (not before, before):
             page.get_by_role("checkbox", name=NAMES.get(name, name), exact=True).click()
             assert until(lambda name=name, shown=shown: (name not in viewer._hidden) == shown), name
-            assert until(lambda name=name, shown=shown: viewer._layers[name].visible == shown), name
+            there = partial(viewer._layers.get, name)  # drawn anew now and then
+            assert until(lambda there=there, shown=shown: getattr(there(), "visible", False) == shown), name
 
 
 def test_every_camera_is_chosen(page, view):

@@ -60,7 +60,7 @@ def test_a_killed_station_leaves_a_recording_and_its_folder(tmp_path, ports):
     for folder in (out, tmp_path / "day-2"):
         with subprocess.Popen(command, stderr=subprocess.DEVNULL) as running:
             track = folder / "track.csv"
-            assert until(lambda track=track: track.exists() and track.stat().st_size > 10_000, 60.0)
+            assert until(lambda track=track: track.exists() and track.stat().st_size > 50_000, 60.0)
             running.kill()
         assert not (folder / "summary.json").exists()
         again = tmp_path / f"{folder.name}-again"
@@ -73,6 +73,11 @@ def test_a_killed_station_leaves_a_recording_and_its_folder(tmp_path, ports):
         assert not told["missing_turns"]
         kept = (folder / "track.csv").read_text().splitlines()[:-1]  # the last line may be torn
         played = (again / "track.csv").read_text().splitlines()
+        # at the end of the recording rows still waited for others, which the kill has cost
+        waiting_ns = int(played[-1].partition(",")[0]) - 500_000_000
+        played = [
+            line for line in played if not line[0].isdigit() or int(line.partition(",")[0]) < waiting_ns
+        ]
         shared = min(len(kept), len(played))
         assert kept[:shared] == played[:shared]
         assert shared > 10

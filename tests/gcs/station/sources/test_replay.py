@@ -254,8 +254,5 @@ def test_a_lone_instrument_starts_though_its_channels_are_of_different_instants(
     assert share_used(counts["azimuth"]) > 0.9
 
 
-@pytest.mark.xfail(
-    reason="the climb, seen by one elevation alone, is taken for a run of outliers for 1.2 s", strict=True
-)
 def test_a_lone_instrument_sees_the_climb():
     assert share_used(alone()["elevation"]) > 0.9
