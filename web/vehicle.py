@@ -4,7 +4,7 @@ from collections import deque
 
 import viser
 
-from gcs.contract.frames import Frame
+from gcs.contract.frames import frame_of
 from gcs.contract.messages import ANY, Scene
 from web.memory.flight import SeenFlight
 from web.memory.other import Geodetic, OtherTrack
@@ -25,8 +25,7 @@ class SeenVehicle:
         ground: GroundPicture | None = None,
     ):
         self.flight = SeenFlight(scene, OtherTrack(other, scene) if other else None)
-        frame = Frame(scene.origin_lat_deg, scene.origin_lon_deg, scene.origin_alt_m)
-        self.picture = Picture(server, self.flight, laid(ground, frame) if ground else None)
+        self.picture = Picture(server, self.flight, laid(ground, frame_of(scene)) if ground else None)
         self.skipped = 0
         self._queue: deque = deque(maxlen=QUEUE)
 

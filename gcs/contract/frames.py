@@ -148,6 +148,11 @@ def origin_frame(station: Station) -> Frame:
     return Frame(origin.lat_deg, origin.lon_deg, origin.alt_m)
 
 
+def frame_of(scene: Scene) -> Frame:
+    """Station ENU of what a station has published."""
+    return Frame(scene.origin_lat_deg, scene.origin_lon_deg, scene.origin_alt_m)
+
+
 def scene(station: Station, frame: Frame) -> Scene:
     """What stands still, for the views."""
 

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gcs.contract.frames import Frame, ecef_to_enu
+from gcs.contract.frames import ecef_to_enu, frame_of
 from gcs.contract.messages import Scene
 
 
@@ -54,7 +54,7 @@ def look(scene: Scene, from_enu_m: ArrayLike, to_enu_m: ArrayLike) -> tuple[floa
 
     Straight line: refraction is the instrument's own matter.
     """
-    frame = Frame(scene.origin_lat_deg, scene.origin_lon_deg, scene.origin_alt_m)
+    frame = frame_of(scene)
     lat_deg, lon_deg, _ = frame.to_geodetic(np.asarray(from_enu_m, float))
     turn = ecef_to_enu(float(lat_deg), float(lon_deg)) @ ecef_to_enu(frame.lat_deg, frame.lon_deg).T
     east, north, up = turn @ (np.asarray(to_enu_m, float) - np.asarray(from_enu_m, float))

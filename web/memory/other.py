@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gcs.contract.frames import Frame
+from gcs.contract.frames import frame_of
 from gcs.contract.messages import Scene, State
 
 PAUSE, PAUSE_S = 5.0, 0.5  # of usual intervals, and at least: a longer pause is not bridged
@@ -36,7 +36,7 @@ class OtherTrack:
 
     def __init__(self, given: Geodetic, scene: Scene):
         self.name = given.name
-        frame = Frame(scene.origin_lat_deg, scene.origin_lon_deg, scene.origin_alt_m)
+        frame = frame_of(scene)
         self.t_ns, first = np.unique(given.t_ns, return_index=True)
         places = frame.to_enu(given.lat_deg, given.lon_deg, given.alt_m)
         self.places_m = np.asarray(places, float)[first]  # (n, 3) station ENU
