@@ -65,9 +65,7 @@ class View:
         self._stop = threading.Event()
         scenery = self._server.scene
         scenery.set_up_direction("+z")
-        scenery.configure_environment_map(
-            None
-        )  # reflections and shadows take seconds before the first picture
+        scenery.configure_environment_map(None)  # that and shadows take seconds before the first picture
         scenery.configure_default_lights(cast_shadow=False)
         scenery.add_light_ambient("/light", intensity=1.2)
         camera = self._server.initial_camera

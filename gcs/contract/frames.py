@@ -16,9 +16,7 @@ from gcs.contract.messages import InputError, Instrument, Scene
 
 A_M, FLATTENING = 6_378_137.0, 1.0 / 298.257223563  # WGS84
 E2 = FLATTENING * (2.0 - FLATTENING)  # eccentricity, squared
-ROUNDS = (
-    2  # of Bowring's formula: after one it is off by 3 µm at most, after two by less than a double can tell
-)
+ROUNDS = 2  # of Bowring's formula: one leaves 3 µm at most, two less than a double can tell
 
 
 class Frame(NamedTuple):

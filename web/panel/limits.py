@@ -72,9 +72,7 @@ class LimitsForm:
 
     def _put(self, put: Callable[[str, float], None], name: str, value: float) -> None:
         put(name, value)
-        self._followers[name].follow(
-            value
-        )  # or one taken back before the next `sync` would look like the old
+        self._followers[name].follow(value)  # one taken back before the next `sync` would stay otherwise
 
     def sync(self, limits: OperatorLimits) -> None:
         for name, follower in self._followers.items():
