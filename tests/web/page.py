@@ -14,6 +14,7 @@ from gcs.contract.messages import State
 from tests.web import flight
 from web.memory.other import Geodetic
 from web.view import View
+from web.viewer import Viewer
 
 S = 1_000_000_000
 
@@ -127,9 +128,14 @@ def is_blue(pixels: np.ndarray) -> np.ndarray:
     return (b > 170) & (r < 110) & (b - r > 100)
 
 
+def viewer_of(view: View) -> Viewer:
+    """The first one."""
+    return next(iter(view._viewers.values()))
+
+
 def pixel(page, view: View, place) -> tuple[float, float]:
     """Where on the page a place of the world is seen."""
-    camera = next(iter(view._viewers.values())).camera
+    camera = viewer_of(view).camera
     seen = camera._client.camera
     right, down, ahead = SO3(seen.wxyz).inverse().apply(np.asarray(place) + camera.offset - seen.position)
     box = canvas(page)

@@ -21,6 +21,7 @@ from tests.web.page import (
     red,
     tab,
     until,
+    viewer_of,
 )
 from web.panel.limits import OperatorLimits
 from web.view import View
@@ -167,7 +168,7 @@ def test_keys(page, view):
     time.seek(here_ns)
     page.keyboard.press("Space")
     assert until(lambda: time.playing)
-    viewer = next(iter(view._viewers.values()))
+    viewer = viewer_of(view)
     eyes = [(str(k + 1), f"from {one.name}") for k, one in enumerate(flight.SCENE.instruments)]
     for key, mode in (("f", "follow"), ("t", "top"), *eyes, ("o", "orbit")):
         page.keyboard.press(key)
@@ -225,7 +226,7 @@ def test_dark_and_the_camera_change_the_picture(page):
 
 
 def test_reset_view_brings_the_camera_back(page, view):
-    camera = next(iter(view._viewers.values())).camera
+    camera = viewer_of(view).camera
     box = canvas(page)
     page.get_by_role("button", name="Reset view").click()
     assert until(lambda: np.linalg.norm(camera.eye() - camera._placed.eye) < 1.0)

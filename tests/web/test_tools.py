@@ -6,7 +6,7 @@ from functools import partial
 import numpy as np
 
 from tests.web import browser
-from tests.web.page import S, canvas, choose, ink, pixel, tab, until
+from tests.web.page import S, canvas, choose, ink, pixel, tab, until, viewer_of
 from web.camera import modes
 from web.panel.limits import OperatorLimits
 from web.panel.place import forms
@@ -40,7 +40,7 @@ def drag(page, start: tuple[float, float], end: tuple[float, float]) -> None:
 def test_outliers_in_a_box_are_counted_by_sensor_and_channel(page, view):
     patch = [claim for claim in view.flight.outliers if claim.kind == "patch"]
     seen = np.array([pixel(page, view, claim.position) for claim in patch])
-    camera = next(iter(view._viewers.values())).camera
+    camera = viewer_of(view).camera
     eye = camera.eye()
     page.get_by_role("button", name="Outliers in a box").click()
     page.get_by_text("Drag a box").wait_for()
@@ -56,18 +56,18 @@ def test_outliers_in_a_box_are_counted_by_sensor_and_channel(page, view):
 
 
 def test_the_key_begins_a_box_and_leaves_it(page, view):
-    boxing = next(iter(view._viewers.values()))._boxing
+    boxing = viewer_of(view)._boxing
     page.evaluate("document.activeElement.blur()")
     for waiting in (True, False):
         page.keyboard.press("b")
         assert until(lambda waiting=waiting: boxing.waiting == waiting)
     box = canvas(page)
-    eye = next(iter(view._viewers.values())).camera.eye()
+    eye = viewer_of(view).camera.eye()
     middle = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
 
     def turned() -> bool:
         drag(page, middle, (middle[0] + 80, middle[1]))
-        return np.abs(next(iter(view._viewers.values())).camera.eye() - eye).max() > 10.0
+        return np.abs(viewer_of(view).camera.eye() - eye).max() > 10.0
 
     assert until(turned)
     tab(page, "Show")
@@ -81,7 +81,7 @@ def test_a_patch_is_marked_on_the_slider_and_the_event_keys_go_there(page, view,
     page.keyboard.press("PageUp")
     patch_ns = next(t_ns for t_ns, what in view.flight.marks.items() if what == "patch")
     assert until(lambda: abs(view.playback.now_ns - patch_ns) < S)
-    slider = next(iter(view._viewers.values()))._player._slider
+    slider = viewer_of(view)._player._slider
     sent = slider._marks
     view.playback.seek(tape.start_ns + 40 * S)
     assert until(lambda: page.locator("[role=slider]").first.get_attribute("aria-valuenow") == "40")
@@ -108,14 +108,10 @@ def test_a_control_that_fails_is_logged(page, view, caplog, monkeypatch):
     def broken(*_):
         raise ValueError("cannot happen")
 
-    monkeypatch.setattr(next(iter(view._viewers.values()))._dock, "tell", broken)
-    monkeypatch.setattr(next(iter(view._viewers.values()))._boxing, "press", broken)
+    monkeypatch.setattr(viewer_of(view)._dock, "tell", broken)
+    monkeypatch.setattr(viewer_of(view)._boxing, "press", broken)
     page.get_by_role("button", name="Outliers in a box").click()
     assert until(lambda: "view failed: ValueError: cannot happen" in caplog.text)
-
-
-def viewer_of(view):
-    return next(iter(view._viewers.values()))
 
 
 def test_every_box_shows_and_hides_its_layer(page, view):

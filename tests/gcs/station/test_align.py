@@ -58,12 +58,18 @@ def test_a_silent_source_is_not_waited_for():
     assert align.due_ns(1900 * MS) >= 1900 * MS
 
 
-def test_a_source_that_has_missed_its_turn_is_not_waited_for():
-    """As one that was refused for flooding: from then on nobody's rows wait, not each for ``hold_s`` anew."""
+def both_steady():
+    """What has heard two sources ten times each, 50 ms apart."""
     align = Align(hold_s=0.3)
     for k in range(10):
         for sensor in (1, 2):
             align.add(rows((2 * k + sensor, 50 * k, sensor, 0)), 50 * k * MS)
+    return align
+
+
+def test_a_source_that_has_missed_its_turn_is_not_waited_for():
+    """As one that was refused for flooding: from then on nobody's rows wait, not each for ``hold_s`` anew."""
+    align = both_steady()
     align.add(rows((30, 500, 1, 0)), 500 * MS)
     assert align.due_ns(501 * MS) < 500 * MS
     align.add(rows((31, 801, 1, 0)), 801 * MS)
@@ -71,10 +77,7 @@ def test_a_source_that_has_missed_its_turn_is_not_waited_for():
 
 
 def test_nobody_waits_for_a_source_that_is_refused_until_it_is_taken_again():
-    align = Align(hold_s=0.3)
-    for k in range(10):
-        for sensor in (1, 2):
-            align.add(rows((2 * k + sensor, 50 * k, sensor, 0)), 50 * k * MS)
+    align = both_steady()
     align.pass_over(2)
     align.pass_over(3)  # nobody that is known
     align.add(rows((30, 500, 1, 0)), 500 * MS)
