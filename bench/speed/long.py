@@ -20,7 +20,7 @@ from bench.speed.flood import resident_mb
 from gcs.contract import config, messages
 from gcs.contract.config import Station
 from gcs.contract.frames import Frame, scene
-from gcs.contract.messages import InsMeasurement, PolarMeasurement
+from gcs.contract.messages import PolarMeasurement
 from gcs.outputs.publish import Publisher
 from gcs.outputs.record import Record
 from gcs.station.health import Files, Monitor
@@ -82,7 +82,7 @@ def run(seconds: float, *, trace: bool) -> dict:
 
 
 def _fly(session: Session, seconds: float, part: int) -> None:
-    noise, intake = random.Random(part), session.intake
+    noise = random.Random(part)
     begin_ns = T0_NS + round(part * seconds * 1e9)
     due = sorted(
         (begin_ns + round(k / rate * 1e9), name)
@@ -98,10 +98,15 @@ def _fly(session: Session, seconds: float, part: int) -> None:
             heard.setdefault(name, []).append(live.measure(name, t_ns, noise))
         taken = cut
         for name, found in heard.items():
-            kind = InsMeasurement if name == "ins" else PolarMeasurement
-            measured = messages.to_columns(found, kind)
-            session.enter(intake.ins(measured) if name == "ins" else intake.polar(name, measured), end_ns)
+            _enter(session, name, found, end_ns)
         session.advance(session.align.due_ns(end_ns))
+
+
+def _enter(session: Session, name: str, found: list, arrival_ns: int) -> None:
+    """Measurements of one source into the session."""
+    columns = messages.to_columns(found, type(found[0]))
+    own = name == "ins"
+    session.enter(session.intake.ins(columns) if own else session.intake.polar(name, columns), arrival_ns)
 
 
 def tell(tape: Path) -> None:
@@ -130,9 +135,7 @@ def _measure(session: Session, station: Station, t_ns: int, noise: random.Random
         said = live.measure(name, t_ns, noise)
         if isinstance(said, PolarMeasurement) and noise.random() < WRONG:
             said = msgspec.structs.replace(said, range_m=(said.range_m or 0.0) + noise.uniform(30.0, 300.0))
-        columns = messages.to_columns([said], type(said))
-        own = isinstance(said, InsMeasurement)
-        session.enter(session.intake.ins(columns) if own else session.intake.polar(name, columns), t_ns)
+        _enter(session, name, [said], t_ns)
     session.advance(session.align.due_ns(t_ns))
 
 
