@@ -52,8 +52,7 @@ def log_prior(psd: np.ndarray, usual: np.ndarray) -> float:
 
 def motion_prior(psd: np.ndarray) -> np.ndarray:
     """(2, 4) logarithm of each density, and its information, as before the first row."""
-    moves = psd > 0.0
-    return np.stack([np.log(np.where(moves, psd, 1.0)), np.where(moves, USUAL_SIGMA**-2, np.inf)])
+    return np.stack([np.log(np.where(psd > 0.0, psd, 1.0)), np.full(len(psd), USUAL_SIGMA**-2)])
 
 
 def follow_motion(
