@@ -30,7 +30,7 @@ from bridges import feed
 from bridges.instruments import KINDS
 from filters.simulation import scenario, simulate
 from gcs.contract import config
-from gcs.contract.frames import mount
+from gcs.contract.frames import Frame, mount
 from gcs.contract.messages import CHANNELS, POLAR, InputError
 
 if TYPE_CHECKING:  # a bridge is given its bus; zenoh is loaded by whoever opens it
@@ -84,12 +84,9 @@ def observe(
     truth: np.ndarray, instrument: SimulatedInstrument, rng: np.random.Generator, share: float
 ) -> simulate.Observation:
     """What one instrument sees of the flight, (n,) ``TRUTH``, ``share`` of its values outliers."""
-    import pymap3d
-
-    site = instrument.lat_deg, instrument.lon_deg, instrument.alt_m
-    target = truth["lat_deg"], truth["lon_deg"], truth["alt_m"]
+    site = Frame(instrument.lat_deg, instrument.lon_deg, instrument.alt_m)
     t0_ns = int(truth["t_ns"][0])
-    level = np.column_stack(pymap3d.geodetic2enu(*target, *site))
+    level = site.to_enu(truth["lat_deg"], truth["lon_deg"], truth["alt_m"])
     seen_from = scenario.track((truth["t_ns"] - t0_ns) * 1e-9, level @ mount(*instrument.mount_deg).T)
     sigma = np.full(len(CHANNELS), np.nan)
     sigma[:4] = [instrument.sigma.get(name, np.nan) for name in COLUMNS] / TO_FILE

@@ -20,7 +20,7 @@ from gcs.contract import config as configuration
 from gcs.contract.messages import InputError
 from gcs.outputs.console import screen
 
-PACKAGES = ("numpy", "numba", "pymavlink", "filterpy", "eclipse-zenoh", "viser", "msgspec", "pymap3d")
+PACKAGES = ("numpy", "numba", "pymavlink", "filterpy", "eclipse-zenoh", "viser", "msgspec")
 WIDE = ": every machine that reaches it can use it; use 127.0.0.1, or see docs/security"
 MARKS = {
     True: Text("ok  ", style="green"),
