@@ -27,6 +27,7 @@ from gcs.outputs.outbox import Outbox
 from gcs.outputs.publish import Target
 from gcs.outputs.record import stamp
 from gcs.outputs.recording import RunRecorder
+from gcs.outputs.terminal import unhindered
 from gcs.station.health import Monitor
 from gcs.station.session import Session, Sink
 from gcs.station.sources import live
@@ -58,6 +59,7 @@ def serve(
     seconds = seconds_of(seconds)
     folder = run_folder(out or Path("logs/runs") / stamp(time.time_ns()))
     with ExitStack() as stack:
+        stack.enter_context(unhindered())
         bus = stack.enter_context(open_bus(station))
         shown = open_view(station, frame) if view else None
         if shown:

@@ -1,11 +1,13 @@
 """The station live, with parts that fail: they are told, start again, and the rest goes on."""
 
 import json
+import os
 import signal
 import socket
+import sys
 import threading
 import time
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 
 import pytest
 
@@ -119,6 +121,36 @@ def test_a_record_that_fails_costs_the_bus_nothing_and_the_run_says_so(station, 
     )
     assert not instrument.all(Health)[-1].parts["record"].running
     assert len(instrument.all(State)) > 20
+
+
+def test_a_terminal_that_takes_nothing_does_not_hold_the_flight(station, tmp_path, monkeypatch):
+    """As after Ctrl-S: whoever writes waits, until it is read again after the flight."""
+    monkeypatch.setattr(mavlink, "run", lambda link, system_id, bus, stop, keep: stop.wait())
+    reader, writer = os.pipe()
+    os.set_blocking(writer, False)
+    with suppress(BlockingIOError):
+        while True:
+            os.write(writer, b"." * 1000)
+    os.set_blocking(writer, True)
+    stop, shown = threading.Event(), []
+
+    def read():
+        stop.wait()
+        with open(reader, "rb") as pipe:
+            shown.append(pipe.read().decode())
+
+    reading = threading.Thread(target=read)
+    reading.start()
+    instrument = Watching(station, stop)
+    with open(writer, "w") as terminal:
+        terminal.isatty = lambda: True
+        monkeypatch.setattr(sys, "stderr", terminal)
+        serve(station, tmp_path / "run", stop, view=False, seconds=SECONDS, beside=instrument)
+        monkeypatch.undo()
+    reading.join()
+    assert len(instrument.all(State)) > 20
+    assert "values final" in shown[0]
+    assert "run folder: " in shown[0]
 
 
 def test_a_link_that_cannot_be_used_is_one_line(station, tmp_path):
