@@ -40,6 +40,7 @@ from gcs.contract.wire.tls import shown
 
 ENDPOINT = BusSection().endpoint
 KEEP = 2_000  # samples each key keeps for late joiners and recovery: 20 s at 100 Hz
+HISTORY_S = 20.0  # of measurements: longer than a station or a router is away; all of it has to be computed again
 BURST_S = 5.0  # of its highest rate may come at once: the backlog of a source at half of it, after 10 s away
 HEARTBEAT_S = 0.2  # a publisher tells its last number this often, so that a lost last sample is noticed
 LEASE_MS = 2_000  # a peer that says nothing for so long is gone: hung processes show within about 2 s
@@ -161,7 +162,8 @@ class Bus:
     def _history(self, key: str) -> list[Sample]:
         # The advanced subscriber's own history option loses the older part whenever a live sample comes
         # while it is being fetched (zenoh 1.10: every third late joiner at 20 Hz). This is the same query.
-        return [reply.ok for reply in self._ask(f"{key}/@adv/pub/**") if reply.ok]
+        lately = f"?_time=[now(-{HISTORY_S:g}s)..]" if key.startswith(f"{self._prefix}/raw") else ""
+        return [reply.ok for reply in self._ask(f"{key}/@adv/pub/**{lately}") if reply.ok]
 
     def _ask(self, key: str) -> list[zenoh.Reply]:
         replies = self._session.get(
@@ -265,6 +267,7 @@ def _config(mode: str, endpoint: str, tls: TlsSection | None) -> zenoh.Config:
         "scouting/multicast/enabled": False,
         "scouting/gossip/enabled": False,
         "scouting/delay": 0,
+        "timestamping/enabled": True,  # of what is kept: its age is told by the clock of who keeps it
         "transport/link/tx/lease": LEASE_MS,
         "transport/link/tx/queue/congestion_control/block/wait_before_close": STALL_US,
         "transport/unicast/open_timeout": LEASE_MS,

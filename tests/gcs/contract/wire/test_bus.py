@@ -74,6 +74,21 @@ def test_a_station_that_starts_again_gets_what_was_measured_meanwhile(endpoint):
     assert [message.t_ns for _, message in got] == list(range(200))
 
 
+def test_of_old_measurements_nothing_is_given_and_of_old_events_all(station, endpoint, monkeypatch):
+    """A station that starts again would compute all of them before its first state."""
+    monkeypatch.setattr(bus_module, "HISTORY_S", 0.5)
+    with client(endpoint) as publisher, client(endpoint) as joiner:
+        told = Event(t_ns=0, level="info", text="long ago")
+        publisher.publish("event", told)
+        for number in range(20):
+            if number == 10:
+                time.sleep(0.7)
+            publisher.publish("raw", shot(number), "radar")
+        got = collect(joiner.subscribe("raw/*"), 10)
+        assert [message.t_ns for _, message in got] == list(range(10, 20))
+        assert [message for _, message in collect(joiner.subscribe("event"), 1)] == [told]
+
+
 def test_a_subscriber_recovers_what_passed_while_the_router_was_away(endpoint):
     router = Bus.open("demo", "uav1", endpoint=endpoint)
     with client(endpoint) as publisher, client(endpoint) as reader:
