@@ -60,15 +60,10 @@ def follow_motion(
 ) -> np.ndarray:
     """(2, 4) as `motion_prior` after ``seconds`` more of decided rows, scored at ``psd`` (2, 4)."""
     moves, out = psd[0] > 0.0, known.copy()
-    keep = np.exp(-seconds / MOTION_MEMORY_S)
-    (mean, information), (middle, least) = known[:, moves], prior[:, moves]
     slope, more = scores.kept[:, 0, moves], scores.kept[:, 1, moves]
-    before = keep * (information - least)
-    information = least + before + more.sum(axis=0)
-    seen = (more * np.log(psd[:, moves]) + slope).sum(axis=0)
-    mean = (least * middle + before * mean + seen) / information
-    out[0, moves] = np.clip(mean, np.log(motion.LOWEST[moves]), np.log(motion.HIGHEST[moves]))
-    out[1, moves] = information
+    seen = (more * np.log(psd[:, moves]) + slope).sum(axis=0), more.sum(axis=0)
+    out[:, moves] = _follow(known[:, moves], prior[:, moves], *seen, seconds / MOTION_MEMORY_S)
+    out[0, moves] = np.clip(out[0, moves], np.log(motion.LOWEST[moves]), np.log(motion.HIGHEST[moves]))
     return out
 
 
@@ -80,12 +75,20 @@ def noise_prior(is_ins: np.ndarray) -> np.ndarray:
 
 
 def follow_noise(known: np.ndarray, prior: np.ndarray, scores: Scores, seconds: float) -> np.ndarray:
-    """(2, s, 13) as `noise_prior` after ``seconds`` more of decided rows."""
-    keep = np.exp(-seconds / NOISE_MEMORY_S)
-    information = prior[1] + keep * (known[1] - prior[1])
-    mean = keep * known[1] * known[0] / information  # the prior's own mean is 0
+    """(2, s, 13) as `noise_prior` after ``seconds`` more of decided rows, scored at ``known``."""
     slope, more = scores.noise
-    heard = more > 0.0
-    information = information + more
-    mean = np.where(heard, mean + slope / information, mean)
+    mean, information = _follow(known, prior, more * known[0] + slope, more, seconds / NOISE_MEMORY_S)
     return np.stack([np.clip(mean, LOWEST, HIGHEST), information])
+
+
+def _follow(
+    known: np.ndarray, prior: np.ndarray, told: np.ndarray, more: np.ndarray, age: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """(mean, information) of normal beliefs that forget by e^−``age`` what was told, never their ``prior``.
+
+    ``told`` is the mean times the information, ``more``, of what is told now.
+    """
+    keep = np.exp(-age)
+    information = prior[1] + keep * (known[1] - prior[1]) + more
+    told = prior[1] * prior[0] + keep * (known[1] * known[0] - prior[1] * prior[0]) + told
+    return told / information, information

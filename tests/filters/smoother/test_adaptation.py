@@ -131,6 +131,12 @@ def test_a_quiet_minute_is_forgotten_and_an_hour_leads_back_to_the_setting():
     assert np.allclose(usual(known, TWO, seconds=3600.0), BEFORE)
 
 
+def test_what_is_usual_does_not_depend_on_how_often_it_is_asked():
+    known = usual(BEFORE, TWO, information=0.2)
+    twice = usual(usual(known, TWO, seconds=3.0), TWO, seconds=5.0)
+    assert np.allclose(twice, usual(known, TWO, seconds=8.0))
+
+
 def test_what_is_usual_has_bounds_and_what_does_not_move_stays():
     assert np.allclose(usual(BEFORE, TWO, slope=1e6, information=1.0)[0], np.log(motion.HIGHEST))
     level = adaptation.motion_prior(PRIOR * [1, 0, 1, 0])
