@@ -17,6 +17,7 @@ COMMANDS = {  # name → file and what it is about
     "ramps": ("ramps", "trackers sliding off, slowly and fast"),
     "liar": ("liar", "one instrument that lies from some time on"),
     "world": ("rough", "simulated flights in a rough world: gusts, an autopilot's own errors, faults"),
+    "ablation": ("ablation", "one part of the estimator after the other switched off"),
     "errors": ("errors", "systematic errors to recover"),
 }
 
