@@ -261,7 +261,7 @@ def _fusion(folder: Path, viewers: int, seconds: float) -> str:
 
 def watch(viewers: int) -> None:
     """So many viewers in a process of their own; the first of several does not read."""
-    os.nice(19)  # they would be on other machines
+    os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))  # they would be on other machines
     watching: list[Watcher] = []
     while True:
         time.sleep(1.0)
