@@ -79,7 +79,7 @@ def serve(
         stack.callback(recorder.end)
         told = [*send_to, _note, recorder.target]
         monitor = Monitor(station.sources, feeds, supervisor.health)
-        records: list[Sink] = [recorder, Diary(folder, monitor)]
+        records: list[Sink] = [recorder, Diary(folder, monitor, recorder.note, recorder.put)]
         session = new_session(station, frame, records, method, told, monitor, correction)
         supervisor.others = session.supervise()
         introduce(bus, station, frame)

@@ -1,46 +1,67 @@
 """What was told while it ran, beside the record of the values: events.csv, wind.csv, errors.csv."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 
 from gcs.contract.messages import Event, Wind
-from gcs.outputs.record import quoted
+from gcs.outputs.disk import RunFile, Tell, to_operator
+from gcs.outputs.record import PATIENCE_S, quoted
 from gcs.station.health import Monitor
 from gcs.station.session import Update
 
 PERIOD_NS = 1_000_000_000  # between two rows of the same systematic error
-EVENTS = "t_ns,level,text\n"
-WIND = "t_ns,speed_mps,from_deg,sigma_mps,known,own_speed_mps,own_from_deg\n"
-ERRORS = "t_ns,sensor,error,value,sigma,prior_sigma\n"
+FILES = {
+    "events.csv": "t_ns,level,text\n",
+    "wind.csv": "t_ns,speed_mps,from_deg,sigma_mps,known,own_speed_mps,own_from_deg\n",
+    "errors.csv": "t_ns,sensor,error,value,sigma,prior_sigma\n",
+}
+Put = Callable[[Callable[[], object], int, dict[str, int]], object]  # as RunRecorder.put
+
+
+def at_once(work: Callable[[], object], _size: int, _rows: dict[str, int]) -> None:
+    work()
 
 
 class Diary:
-    """A sink, killed in the middle like the record: what was told is there."""
+    """A sink, killed in the middle like the record: what was told is there.
 
-    def __init__(self, folder: Path, monitor: Monitor):
-        self._monitor = monitor
+    Whatever the disk does, nothing is raised, and ``tell`` is given what an operator should know. ``put`` has
+    the writing done; in a live run beside the fusion.
+    """
+
+    def __init__(self, folder: Path, monitor: Monitor, tell: Tell = to_operator, put: Put = at_once):
+        self._monitor, self._put = monitor, put
         self._next_ns = 0
-        self._events, self._wind, self._errors = (
-            _begin(folder / name, header)
-            for name, header in (("events.csv", EVENTS), ("wind.csv", WIND), ("errors.csv", ERRORS))
-        )
+        self._files = [RunFile(folder / name, tell) for name in FILES]
+        self._write([[header] for header in FILES.values()])
 
     def take(self, update: Update) -> None:
-        for message in (*update.told, *self._monitor.take(update)):
-            if isinstance(message, Event):
-                self._events.write(f"{message.t_ns},{message.level},{quoted(message.text)}\n")
-            elif isinstance(message, Wind):
-                self._wind.write(_wind_line(message))
+        told = (*update.told, *self._monitor.take(update))
+        events = [f"{m.t_ns},{m.level},{quoted(m.text)}\n" for m in told if isinstance(m, Event)]
+        wind, errors = [_wind_line(m) for m in told if isinstance(m, Wind)], list[str]()
         if len(update.track) and (now_ns := int(update.track["t_ns"][-1])) >= self._next_ns:
             self._next_ns = now_ns + PERIOD_NS
-            self._errors.writelines(error_lines(now_ns, update.report()))
-        for file in (self._events, self._wind, self._errors):
-            file.flush()
+            errors = list(error_lines(now_ns, update.report()))
+        lines = [events, wind, errors]
+        rows = {name: len(some) for name, some in zip(FILES, lines, strict=True) if some}
+        if rows:
+            self._put(partial(self._write, lines), sum(rows.values()), rows)
 
     def close(self, summary: dict, best: object) -> None:
-        for file in (self._events, self._wind, self._errors):
-            file.close()
+        self._put(self._close, 1, {})
+
+    def _write(self, lines: list[list[str]]) -> None:
+        for file, some in zip(self._files, lines, strict=True):
+            if some:
+                file.write("".join(some).encode(), len(some))
+            else:
+                file.flush()
+
+    def _close(self) -> None:
+        for file in self._files:
+            file.close(PATIENCE_S)
 
 
 def error_lines(t_ns: int, report: dict) -> Iterator[str]:

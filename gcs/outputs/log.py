@@ -10,13 +10,17 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from logging.handlers import RotatingFileHandler
 from pathlib import Path
+from typing import Any
 
 from gcs.contract.messages import Event
 from gcs.contract.supervision import brief, log
 from gcs.outputs.console import say
+from gcs.outputs.disk import Beside
 
+PATIENCE_S = 3.0  # at the end, for lines that still wait for the disk
 FILE_BYTES, FILES = 2_000_000, 3  # of station.log and of each of its predecessors: 8 MB at most
 REPEAT_S = 10.0  # the same line is told the operator once in so long; the file has all of them
 TOLD = logging.getLogger("gcs.event")  # events on their way anyway: for the file alone
@@ -49,14 +53,25 @@ class Tell(logging.Handler):
 
 
 class _File(RotatingFileHandler):
-    """A full or broken disk costs the line and nothing else: the record's own event tells of the disk."""
+    """Written in a thread of its own, so that nobody waits for a disk that hangs.
+
+    A full or broken disk costs the line and nothing else: the record's own event tells of the disk.
+    """
+
+    def __init__(self, path: Path, **options: Any):
+        super().__init__(path, **options)
+        self._beside = Beside(lambda: None)
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self._beside.put(partial(super().emit, record))
 
     def handleError(self, record: logging.LogRecord) -> None:
         pass
 
     def close(self) -> None:
-        with contextlib.suppress(OSError):
-            super().close()
+        if self._beside.end(PATIENCE_S):  # else closing would hang, too
+            with contextlib.suppress(OSError):
+                super().close()
 
     def format(self, record: logging.LogRecord) -> str:
         stack = getattr(record, "stack", "")

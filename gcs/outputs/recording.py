@@ -155,14 +155,10 @@ class RunRecorder:
     def __init__(self, folder: Path, station: Station, frame: Frame, tell: Tell, about: dict[str, str]):
         self._tell = tell
         self._notes: deque[tuple[str, str]] = deque()  # what the writing thread has to say
-
-        def note(level: str, text: str) -> None:
-            self._notes.append((level, text))
-
         self._folder = folder
-        self._record = Record(folder, station, frame, note)
-        self._link = LinkLog(folder / LINK, note)
-        self._mcap = McapFile(RunFile(folder / RECORDING, note), station, about)
+        self._record = Record(folder, station, frame, self.note)
+        self._link = LinkLog(folder / LINK, self.note)
+        self._mcap = McapFile(RunFile(folder / RECORDING, self.note), station, about)
         self._refused: Counter = Counter()  # by file
         self._behind = False
         self._turns = self._now_ns = 0
@@ -172,18 +168,18 @@ class RunRecorder:
         """The tap: called with each turn before anything is decided."""
         self._say()
         self._now_ns = now_ns
-        self._put(partial(self._mcap.turn, self._turns, now_ns, arrived), 1 + len(arrived), {RECORDING: 1})
+        self.put(partial(self._mcap.turn, self._turns, now_ns, arrived), 1 + len(arrived), {RECORDING: 1})
         self._turns += 1
 
     def target(self, subject: str, message: ANY, _source: str) -> None:
         """States and events, as they go to the bus."""
         if subject in SHOWN:
             assert isinstance(message, State | Event)
-            self._put(partial(self._mcap.show, self._now_ns, message), 1, {RECORDING: 1})
+            self.put(partial(self._mcap.show, self._now_ns, message), 1, {RECORDING: 1})
 
     def link(self, arrival_ns: int, frame: bytes) -> None:
         """One frame of the MAVLink link, in the thread that reads it."""
-        self._put(partial(self._link.take, arrival_ns, frame), 1, {LINK: 1})
+        self.put(partial(self._link.take, arrival_ns, frame), 1, {LINK: 1})
 
     def take(self, update: Update) -> None:
         rows = {
@@ -191,7 +187,7 @@ class RunRecorder:
             "smoothed.csv": len(update.smoothed),
             "verdicts.csv": len(update.retired),
         }
-        self._put(partial(self._record.take, update), 1 + sum(rows.values()), rows, wake=True)
+        self.put(partial(self._record.take, update), 1 + sum(rows.values()), rows, wake=True)
         self._beside.check()
 
     def close(self, summary: dict, best: np.ndarray) -> None:
@@ -209,6 +205,24 @@ class RunRecorder:
             )
         self._say()
 
+    def put(
+        self, work: Callable[[], object], size: int, units: dict[str, int], *, wake: bool = False
+    ) -> None:
+        """Have it done beside, or count what is refused, by file."""
+        taken = self._beside.put(work, size, wake=wake)
+        if not taken:
+            self._refused.update(units)
+        if taken == self._behind:
+            self._behind = not taken
+            text = "the disk is too slow: the run folder is losing rows and turns"
+            lost = ", ".join(f"{name} {count}" for name, count in sorted(self._refused.items()))
+            note = ("info", f"the disk keeps up again; missing: {lost}") if taken else ("error", text)
+            self._notes.append((note[0], f"{self._folder}: {note[1]}"))
+
+    def note(self, level: str, text: str) -> None:
+        """What the operator should know, from the thread that writes: told with the next turn."""
+        self._notes.append((level, text))
+
     def _close(self, summary: dict, best: np.ndarray) -> None:
         lost = self._refused + Counter(
             {file.path.name: file.lost for file in (self._link.file, self._mcap.file)}
@@ -224,20 +238,6 @@ class RunRecorder:
                 self._notes.append(
                     ("error", f"{file.path}: ends early, {file.lost} frames or turns are missing")
                 )
-
-    def _put(
-        self, work: Callable[[], object], size: int, units: dict[str, int], *, wake: bool = False
-    ) -> None:
-        """Have it done beside, or count what is refused, by file."""
-        taken = self._beside.put(work, size, wake=wake)
-        if not taken:
-            self._refused.update(units)
-        if taken == self._behind:
-            self._behind = not taken
-            text = "the disk is too slow: the run folder is losing rows and turns"
-            lost = ", ".join(f"{name} {count}" for name, count in sorted(self._refused.items()))
-            note = ("info", f"the disk keeps up again; missing: {lost}") if taken else ("error", text)
-            self._notes.append((note[0], f"{self._folder}: {note[1]}"))
 
     def _say(self) -> None:
         while self._notes:

@@ -40,7 +40,9 @@ from gcs.contract.wire.tls import shown
 
 ENDPOINT = BusSection().endpoint
 KEEP = 2_000  # samples each key keeps for late joiners and recovery: 20 s at 100 Hz
-HISTORY_S = 20.0  # of measurements: longer than a station or a router is away; all of it has to be computed again
+HISTORY_S = (
+    20.0  # of measurements: longer than a station or a router is away; all of it has to be computed again
+)
 BURST_S = 5.0  # of its highest rate may come at once: the backlog of a source at half of it, after 10 s away
 HEARTBEAT_S = 0.2  # a publisher tells its last number this often, so that a lost last sample is noticed
 LEASE_MS = 2_000  # a peer that says nothing for so long is gone: hung processes show within about 2 s

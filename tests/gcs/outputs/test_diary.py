@@ -52,6 +52,19 @@ def test_everything_told_is_a_row(tmp_path):
     assert [row["t_ns"] for row in rows["errors"]] == [str(2 * S), str(4 * S)]
 
 
+def test_the_writing_is_left_to_who_has_the_time(tmp_path):
+    """As in a live run: the fusion does not wait for the disk."""
+    left = []
+    diary = Diary(tmp_path, Monitor(["ins", "theo"], Files()), put=lambda *work: left.append(work))
+    diary.take(update(2 * S, Event(t_ns=2 * S, level="info", text="radar is back")))
+    diary.take(update(2 * S + 1))  # nothing to write
+    [(work, size, rows)] = left
+    assert (size, rows) == (2, {"events.csv": 1, "errors.csv": 1})
+    assert "radar is back" not in (tmp_path / "events.csv").read_text()
+    work()
+    assert "radar is back" in (tmp_path / "events.csv").read_text()
+
+
 def test_angles_are_in_degrees():
     (line,) = error_lines(7, REPORT)
     assert line.startswith("7,theo,azimuth,")

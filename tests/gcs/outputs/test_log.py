@@ -2,12 +2,14 @@
 
 import logging
 import threading
+from logging.handlers import RotatingFileHandler
 
 import pytest
 
 from gcs.contract.messages import Event
 from gcs.contract.supervision import log
 from gcs.outputs import log as logbook
+from tests.gcs.contract.ends import until
 
 
 @pytest.fixture
@@ -21,12 +23,17 @@ def book(tmp_path, told):
         yield tmp_path / "station.log"
 
 
+def written(book, text: str, times: int = 1) -> bool:
+    """A thread of its own writes it."""
+    return until(lambda: book.read_text().count(text) == times)
+
+
 def test_a_warning_is_an_event_a_line_and_in_the_file(book, told, capsys):
     log.warning("%s hangs", "radar")
     [event] = told
     assert (event.level, event.text) == ("warning", "radar hangs")
     assert "warning: radar hangs" in capsys.readouterr().err
-    assert book.read_text().endswith("Z WARNING MainThread: radar hangs\n")
+    assert written(book, "Z WARNING MainThread: radar hangs\n")
 
 
 def test_a_traceback_is_in_the_file_and_one_line_in_the_event(book, told):
@@ -35,20 +42,36 @@ def test_a_traceback_is_in_the_file_and_one_line_in_the_event(book, told):
     except ZeroDivisionError:
         log.exception("link failed")
     assert [event.text for event in told] == ["link failed"]
-    assert 'raise ZeroDivisionError("by nought")' in book.read_text()
+    assert written(book, 'raise ZeroDivisionError("by nought")')
 
 
 def test_where_a_hung_part_stands_is_in_the_file(book, told):
     log.error("view hangs", extra={"stack": 'File "view.py", line 7\n'})
-    assert 'File "view.py", line 7' in book.read_text()
+    assert written(book, 'File "view.py", line 7')
     assert "view.py" not in told[0].text
+
+
+def test_nobody_waits_for_a_disk_that_hangs(book, told, monkeypatch):
+    answers, emit = threading.Event(), RotatingFileHandler.emit
+
+    def slow(handler, record):
+        answers.wait(30.0)
+        emit(handler, record)
+
+    monkeypatch.setattr(RotatingFileHandler, "emit", slow)
+    for text in ("radar hangs", "link failed"):
+        log.warning(text)
+    assert [event.text for event in told] == ["radar hangs", "link failed"]
+    assert book.read_text() == ""
+    answers.set()
+    assert written(book, "link failed")
 
 
 def test_the_same_line_is_told_once_and_written_each_time(book, told):
     for _ in range(50):
         log.error("disk is full")
     assert len(told) == 1
-    assert book.read_text().count("disk is full") == 50
+    assert written(book, "disk is full", 50)
 
 
 def test_a_target_that_fails_costs_the_event_and_nothing_else(tmp_path):
@@ -64,7 +87,7 @@ def test_a_target_that_fails_costs_the_event_and_nothing_else(tmp_path):
 def test_an_event_that_is_told_anyway_is_only_written(book, told):
     logbook.note(Event(t_ns=0, level="warning", text="radar-1 is silent"))
     assert told == []
-    assert "WARNING MainThread: radar-1 is silent" in book.read_text()
+    assert written(book, "WARNING MainThread: radar-1 is silent")
 
 
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
@@ -76,7 +99,7 @@ def test_no_thread_dies_quietly(book, told):
     assert [event.text for event in told] == [
         "thread player ended: ZeroDivisionError: integer division or modulo by zero"
     ]
-    assert "in <lambda>" in book.read_text()
+    assert written(book, "in <lambda>")
     assert threading.excepthook is hook
 
 
