@@ -16,7 +16,7 @@ SIDE, HALF_DEG = 400, 0.012
 
 @pytest.fixture(scope="module")
 def view():
-    """Blue ground of two kilometres with a yellow mark."""
+    """Blue ground of two kilometres with a cyan mark."""
     scene = flight.SCENE
     frame = Frame(scene.origin_lat_deg, scene.origin_lon_deg, scene.origin_alt_m)
     step = 2 * HALF_DEG / SIDE
@@ -25,7 +25,7 @@ def view():
     lat_deg, lon_deg, _ = frame.to_geodetic(PLACE_M)
     pixels = np.full((SIDE, SIDE, 3), (30, 60, 160), np.uint8)
     row, column = round((north - float(lat_deg)) / step), round((float(lon_deg) - west) / step)
-    pixels[row - 9 : row + 10, column - 9 : column + 10] = (250, 230, 20)
+    pixels[row - 9 : row + 10, column - 9 : column + 10] = (20, 230, 250)
     view = View(scene, port=free_port(), ground=GroundPicture(pixels, place))
     yield view
     view.close()
@@ -37,10 +37,10 @@ def page(view):
         yield page
 
 
-def yellow(page) -> np.ndarray:
+def cyan(page) -> np.ndarray:
     """(n, 2) across and down of the page's pixels that have the mark's colour."""
     r, g, b = np.moveaxis(picture(page), -1, 0)
-    rows, columns = np.nonzero((r > 150) & (g > 130) & (b < 90) & (abs(r - g) < 80))
+    rows, columns = np.nonzero((r < 90) & (g > 150) & (b > 180))
     box = canvas(page)
     return np.column_stack([columns + box["x"], rows + box["y"]])
 
@@ -48,9 +48,9 @@ def yellow(page) -> np.ndarray:
 def test_a_place_on_the_ground_is_seen_where_it_is(page, view):
     page.keyboard.press("t")
     page.get_by_role("tab", name="Show", exact=True).click()
-    assert until(lambda: len(yellow(page)) > 20)
+    assert until(lambda: len(cyan(page)) > 20)
     page.wait_for_timeout(1000)
-    seen = yellow(page).mean(axis=0)
+    seen = cyan(page).mean(axis=0)
     np.testing.assert_allclose(seen, pixel(page, view, PLACE_M), atol=4.0)
 
 
@@ -58,4 +58,4 @@ def test_it_is_a_layer_of_its_own(page):
     tab(page, "Show")
     for shown in (False, True):
         page.get_by_role("checkbox", name="ground picture", exact=True).click()
-        assert until(lambda shown=shown: (len(yellow(page)) > 20) == shown)
+        assert until(lambda shown=shown: (len(cyan(page)) > 20) == shown)

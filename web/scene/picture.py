@@ -40,6 +40,7 @@ NEWEST_PX, SMOOTHED_PX, OTHER_PX = 5.0, 2.0, 1.5
 WITHIN_M = 0.25  # so far off may a line be drawn that is older than some minutes: less than it is wide
 MOST_DOTS = 24  # thousands for each sensor, then thinned: closer together nobody sees more
 INSTRUMENT = 0.045  # size as a share of the camera's distance
+LEAST_M = 2.0  # height of an instrument from near
 AFAR_M = 2000.0  # where nobody looks, things have the size for this distance
 
 
@@ -107,9 +108,11 @@ class Picture:
             for claim in fresh.settled:
                 self._settle(claim)
             self._repaint(anew=False)
-            moved = (shown.t_ns, *np.round(eyes, 1).ravel().tolist()) if shown else None
-            if shown and moved != self._moved:
-                self._move(shown, eyes)
+            moved = (shown.t_ns if shown else 0, *np.round(eyes, 1).ravel().tolist())
+            if moved != self._moved:
+                self._scale(eyes)
+                if shown:
+                    self._move(shown, eyes)
             self._moved = moved
             pending = defaultdict(list)
             for claim in self._flight.claims.pending():
@@ -197,16 +200,20 @@ class Picture:
         plumb = np.array([[position, position * (1, 1, 0)]])
         self._lines.draw(f"{self._root}/plumb", plumb, colours.GROUND, 1.5)
         for instrument, glyph in zip(self._scene.instruments, self._glyphs, strict=True):
-            far_m = _nearest(eyes, np.array(instrument.position_enu_m))
-            glyph.scale = scale = max(2.0, INSTRUMENT * far_m)
-            self._draw_sight(instrument.name, glyph, scale, state)
+            self._draw_sight(instrument.name, glyph, state)
 
-    def _draw_sight(self, name: str, glyph: viser.MeshHandle, scale: float, state: State) -> None:
+    def _scale(self, eyes: Sequence[np.ndarray]) -> None:
+        """Give the instruments their size; they are to be seen before the aircraft is."""
+        for instrument, glyph in zip(self._scene.instruments, self._glyphs, strict=True):
+            far_m = _nearest(eyes, np.array(instrument.position_enu_m))
+            glyph.scale = max(LEAST_M, INSTRUMENT * far_m)
+
+    def _draw_sight(self, name: str, glyph: viser.MeshHandle, state: State) -> None:
         """A line to the aircraft, or in the outliers' colour to where the instrument wrongly saw it."""
         claim = self._flight.claims.newest.get(name)
         fresh = claim is not None and abs(state.t_ns - claim.t_ns) < FRESH_NS
         seen = claim.position if fresh and claim is not None and claim.misplaced else None
-        head = np.array(glyph.position) + np.array([0, 0, glyphs.HEAD * scale])
+        head = np.array(glyph.position) + np.array([0, 0, glyphs.HEAD]) * glyph.scale
         beam = np.array([[head, seen or state.position_enu_m]])
         nothing, path = beam[:0], f"{self._root}/sights/{name}"
         self._lines.draw(path, beam if fresh and not seen else nothing, self._colours[name], 1.5)
