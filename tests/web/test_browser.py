@@ -14,6 +14,7 @@ from tests.web.page import (
     blue,
     canvas,
     choose,
+    ink,
     is_blue,
     opened,
     picture,
@@ -245,12 +246,16 @@ def test_a_live_flight_is_looked_back_upon_by_one_viewer(page):
     try:
         other.goto(live.url)
         other.get_by_text("14:13:59.9").wait_for()
+        browser.settle(other)
+        names_and_aircraft = ink(other)
         other.get_by_role("button", name="pause").click()
         other.get_by_role("button", name="« event").click()
         other.get_by_text(re.compile(r"BACK \d+ s")).wait_for()
         other.get_by_text("14:13:50.0").wait_for()  # the event at 30 s
+        assert until(lambda: not np.any([frame.visible for frame in viewer_of(live)._ghost._now]))
         other.get_by_role("button", name="now", exact=True).click()
         other.get_by_text("14:13:59.9").wait_for()
+        assert until(lambda: abs(ink(other) - names_and_aircraft) < 0.05 * names_and_aircraft)
     finally:
         other.close()
         live.close()

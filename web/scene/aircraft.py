@@ -10,6 +10,9 @@ from gcs.contract.messages import GRAVITY_MPS2, State
 from web.look import colours
 from web.scene import glyphs
 
+NOW, THEN = "now", "then"
+# Nodes of what moves with the newest state, not seen by who looks back.
+OF_NOW = ("{root}/now", "{root}/trust/now", "{root}/sights/now", "{root}/wind/now")
 SIZE = 0.08  # wing span as a share of the camera's distance
 TRUST = 0.02  # least size of what shows trust, as such a share
 LEAST_M = 2.0  # wing span from near
@@ -18,19 +21,29 @@ SLOW_MPS = 2.0  # below this the velocity says nothing about where the nose poin
 
 
 class Aircraft:
-    """Not seen before the first state. ``root`` is the node that it hangs under."""
+    """Not seen before the first state. It hangs under the nodes ``moment`` of the flight's and of its trust:
+    what all share, of now, and what one viewer looks back upon have nodes of their own."""
 
-    def __init__(self, api: viser.SceneApi, root: str, name: str):
+    def __init__(self, api: viser.SceneApi, root: str, name: str, moment: str = NOW):
         vertices, faces = glyphs.aircraft()
+        path, trust = f"{root}/{moment}", f"{root}/trust/{moment}"
         self._body = api.add_mesh_simple(
-            f"{root}/aircraft", vertices, faces, flat_shading=True, side="double", visible=False
+            f"{path}/aircraft", vertices, faces, flat_shading=True, side="double", visible=False
         )
-        self._label = api.add_label(f"{root}/aircraft-label", name, visible=False, anchor="bottom-center")
+        self._label = api.add_label(f"{path}/label", name, visible=False, anchor="bottom-center")
+        self._plumb = api.add_line_segments(
+            f"{path}/plumb",
+            np.zeros((1, 2, 3)),
+            colours.GROUND,
+            thickness=1.5,
+            thickness_units="screen",
+            visible=False,
+        )
         self._ellipsoid = api.add_icosphere(
-            f"{root}/trust/sigma", color=colours.FILTERED, opacity=0.30, visible=False, cast_shadow=False
+            f"{trust}/sigma", color=colours.FILTERED, opacity=0.30, visible=False, cast_shadow=False
         )
         self._protection = api.add_line_segments(
-            f"{root}/trust/protection",
+            f"{trust}/protection",
             barrel(),
             colours.PROTECTION,
             thickness=1.3,
@@ -47,12 +60,15 @@ class Aircraft:
             self._label.text = text
 
     def remove(self) -> None:
-        for node in (self._body, self._label, self._ellipsoid, self._protection):
+        for node in self._nodes():
             node.remove()
 
     def hide(self) -> None:
-        for node in (self._body, self._label, self._ellipsoid, self._protection):
+        for node in self._nodes():
             node.visible = False
+
+    def _nodes(self) -> tuple[viser.SceneNodeHandle, ...]:
+        return self._body, self._label, self._plumb, self._ellipsoid, self._protection
 
     def move(self, state: State, distance_m: float) -> None:
         """Show ``state``, sized for a camera at that distance."""
@@ -60,6 +76,7 @@ class Aircraft:
         self._body.position = self._ellipsoid.position = self._protection.position = position
         self._body.scale = span_m
         self._label.position = position + np.array([0, 0, span_m / 2])
+        self._plumb.points = np.array([[position, position * (1, 1, 0)]], np.float32)
         if np.linalg.norm(state.velocity_enu_mps) > SLOW_MPS:
             self._body.wxyz = attitude(state.velocity_enu_mps, state.acceleration_enu_mps2)
         radii, axes = ellipsoid(state.covariance)
@@ -73,7 +90,7 @@ class Aircraft:
         self._protection.visible = held
         if across is not None and high is not None:
             self._protection.scale = (self.factor * across, self.factor * across, self.factor * high)
-        self._body.visible = self._label.visible = self._ellipsoid.visible = True
+        self._body.visible = self._label.visible = self._plumb.visible = self._ellipsoid.visible = True
 
 
 def ellipsoid(covariance: list[float]) -> tuple[np.ndarray, np.ndarray]:

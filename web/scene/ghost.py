@@ -4,28 +4,37 @@ import numpy as np
 import viser
 
 from gcs.contract.messages import State
-from web.look.html import clock
 from web.memory.flight import SeenFlight
-from web.scene.aircraft import Aircraft
+from web.scene.aircraft import OF_NOW, THEN, Aircraft
 
 
 class Ghost:
-    """Takes the place of the aircraft that all share, as long as there is a state to show."""
+    """Takes the place of what is of now, as long as there is a state to show."""
 
     def __init__(self, api: viser.SceneApi, flight: SeenFlight):
         self._api, self._flight = api, flight
         self._drawn: Aircraft | None = None
+        self._now: list[viser.FrameHandle] = []  # this viewer's, in place of those that all share
 
     def show(self, state: State, eye: np.ndarray, *, dark: bool) -> None:
         """Show ``state``, sized for an eye (3,) there."""
         name = self._flight.scene.vehicle
         if self._drawn is None:
-            self._drawn = Aircraft(self._api, self._flight.root, name)
-            self._drawn.set_dark(dark=dark)
-        self._drawn.say(f"{name} at {clock(state.t_ns)}")
+            self._drawn = Aircraft(self._api, self._flight.root, name, THEN)
+            self._drawn.say(f"{name} then")  # when, the panel's clock says; a longer name runs into others
+            self._see_now(seen=False)
+        self._drawn.set_dark(dark=dark)
         self._drawn.move(state, float(np.linalg.norm(eye - np.array(state.position_enu_m))))
 
     def clear(self) -> None:
         if self._drawn:
             self._drawn.remove()
             self._drawn = None
+            self._see_now(seen=True)
+
+    def _see_now(self, *, seen: bool) -> None:
+        if not self._now:
+            paths = [path.format(root=self._flight.root) for path in OF_NOW]
+            self._now = [self._api.add_frame(path, show_axes=False) for path in paths]
+        for frame in self._now:
+            frame.visible = seen

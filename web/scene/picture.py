@@ -13,7 +13,7 @@ from web.memory.claims import ACCEPTED, Claim
 from web.memory.flight import SeenFlight
 from web.memory.site import LaidPicture
 from web.scene import glyphs, paint
-from web.scene.aircraft import Aircraft
+from web.scene.aircraft import OF_NOW, Aircraft
 from web.scene.clouds import Clouds
 from web.scene.ground import draw_ground, draw_instrument, draw_site
 from web.scene.lines import Lines
@@ -59,6 +59,8 @@ class Picture:
         server.scene.add_frame(root, show_axes=False, visible=False)  # a viewer shows the one he looks at
         for name, shown in LAYERS.items():
             server.scene.add_frame(f"{root}/{name}", show_axes=False, visible=shown)
+        for path in OF_NOW:
+            server.scene.add_frame(path.format(root=root), show_axes=False)
         self._lines, self._clouds = Lines(server.scene), Clouds(server.scene, AFAR_M)
         draw_ground(server.scene, self._lines, root)
         if site:
@@ -126,14 +128,10 @@ class Picture:
             trail.clear()
         self.aircraft.hide()
         self._wind.move(None, np.zeros(3), AFAR_M)
-        gone = [f"{self._root}/plumb"]
         for instrument in self._scene.instruments:
-            gone += [
-                f"{self._root}/sights/{instrument.name}",
-                f"{self._root}/sights/{instrument.name}-refused",
-            ]
-        for name in gone:
-            self._lines.draw(name, np.zeros((0, 2, 3)), colours.GROUND, 1.0)
+            path = f"{self._root}/sights/now/{instrument.name}"
+            for name in (path, f"{path}-refused"):
+                self._lines.draw(name, np.zeros((0, 2, 3)), colours.GROUND, 1.0)
         self._dropped_ns = 0
 
     def _extend(self, trail: Trail, rows: list, more=None) -> None:
@@ -197,8 +195,6 @@ class Picture:
         self.aircraft.move(state, distance_m)
         self._clouds.resize(distance_m)
         self._wind.move(self._flight.wind, position, distance_m)
-        plumb = np.array([[position, position * (1, 1, 0)]])
-        self._lines.draw(f"{self._root}/plumb", plumb, colours.GROUND, 1.5)
         for instrument, glyph in zip(self._scene.instruments, self._glyphs, strict=True):
             self._draw_sight(instrument.name, glyph, state)
 
@@ -215,7 +211,7 @@ class Picture:
         seen = claim.position if fresh and claim is not None and claim.misplaced else None
         head = np.array(glyph.position) + np.array([0, 0, glyphs.HEAD]) * glyph.scale
         beam = np.array([[head, seen or state.position_enu_m]])
-        nothing, path = beam[:0], f"{self._root}/sights/{name}"
+        nothing, path = beam[:0], f"{self._root}/sights/now/{name}"
         self._lines.draw(path, beam if fresh and not seen else nothing, self._colours[name], 1.5)
         self._lines.draw(f"{path}-refused", beam if seen else nothing, colours.OUTLIER, 1.5)
 

@@ -15,18 +15,18 @@ class Arrow:
 
     def __init__(self, api: viser.SceneApi, lines: Lines, root: str):
         self._lines, self._root = lines, root
-        self._label = api.add_label(f"{self._root}/wind/label", "", visible=False, anchor="bottom-center")
+        self._label = api.add_label(f"{self._root}/wind/now/label", "", visible=False, anchor="bottom-center")
 
     def move(self, wind: Wind | None, aircraft: np.ndarray, distance_m: float) -> None:
         known = wind is not None and wind.known and wind.speed_mps > 0.0
         self._label.visible = known
         if wind is None or not known:
-            self._lines.draw(f"{self._root}/wind/arrow", np.zeros((0, 2, 3)), colours.WIND, 3.0)
+            self._lines.draw(f"{self._root}/wind/now/arrow", np.zeros((0, 2, 3)), colours.WIND, 3.0)
             return
         along = np.array([wind.e_mps, wind.n_mps, 0.0]) / wind.speed_mps
         middle = aircraft + np.array([0, 0, ABOVE * distance_m])
         self._lines.draw(
-            f"{self._root}/wind/arrow", arrow(middle, LENGTH * distance_m * along), colours.WIND, 3.0
+            f"{self._root}/wind/now/arrow", arrow(middle, LENGTH * distance_m * along), colours.WIND, 3.0
         )
         self._label.position = middle
         text = f"wind {wind.speed_mps:.1f} m/s"

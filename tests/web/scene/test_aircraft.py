@@ -1,9 +1,11 @@
 """The ellipsoid and the aircraft's attitude, against closed forms."""
 
+from unittest.mock import MagicMock
+
 import numpy as np
 from viser.transforms import SO3
 
-from web.scene.aircraft import attitude, barrel, ellipsoid
+from web.scene.aircraft import OF_NOW, THEN, Aircraft, attitude, barrel, ellipsoid
 
 
 def lower(position_covariance: np.ndarray) -> list[float]:
@@ -36,3 +38,14 @@ def test_the_protection_level_is_a_cylinder_of_radius_and_half_height_one():
     corners = barrel().reshape(-1, 3)
     np.testing.assert_allclose(np.hypot(corners[:, 0], corners[:, 1]), 1.0)
     assert (corners[:, 2].min(), corners[:, 2].max()) == (-1.0, 1.0)
+
+
+def test_what_is_looked_back_upon_shares_no_node_with_now():
+    now, then = MagicMock(), MagicMock()
+    Aircraft(now, "/f", "uav1")
+    Aircraft(then, "/f", "uav1", THEN)
+    names, others = ({call.args[0] for call in api.method_calls} for api in (now, then))
+    hidden = tuple(path.format(root="/f") + "/" for path in OF_NOW)
+    assert names
+    assert all(name.startswith(hidden) for name in names)
+    assert not any(name.startswith(hidden) for name in others)
