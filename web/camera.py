@@ -96,6 +96,13 @@ class Camera:
         axes = SO3(np.asarray(camera.wxyz)).as_matrix()
         return on_picture(places - self.eye(), axes, float(camera.fov), self._aspect())
 
+    def whole(self, places: np.ndarray, size_px: tuple[int, int]) -> np.ndarray:
+        """(n, 3) station ENU → (n,) bool: what is so wide and high around it is on the picture."""
+        camera = self._client.camera
+        edge = np.array(size_px) / 2 / np.maximum((camera.image_width, camera.image_height), 1)
+        seen = self.on_picture(places)
+        return np.all((seen > edge) & (seen < 1.0 - edge), axis=1)  # NaN, behind the eye, is not
+
     def pixel_rad(self) -> float:
         """How much of the sight one pixel takes, in the middle of the picture."""
         return float(self._client.camera.fov) / max(self._client.camera.image_height, 1)

@@ -29,6 +29,7 @@ from web.panel.limits import LimitsForm, alarms
 from web.panel.player import Player
 from web.plots.dock import Dock
 from web.scene.ghost import Ghost
+from web.scene.ground import Kilometres
 from web.scene.marks import Eye, Marks
 from web.scene.paint import CHOICES
 from web.scene.picture import LAYERS
@@ -60,6 +61,7 @@ class Viewer:
         self.vehicle, self._flight, self._picture = vehicle, vehicle.flight, vehicle.picture
         self.camera = Camera(client, self._flight.scene)
         self._marks = Marks(client.scene, self._flight)
+        self._kilometres = Kilometres(client.scene, self._flight.root)
         self._time = view.playback or LookBack(self._flight)
         self._ghost = Ghost(client.scene, self._flight)
         self._label: viser.LabelHandle | None = None  # of the outlier that was clicked
@@ -87,6 +89,7 @@ class Viewer:
             self.camera.update(aircraft, self._picture.low, self._picture.high)
             if self._tick % PANEL_TICKS == 0 or self._sought():
                 self._marks.update(Eye(self.camera.eye(), self.camera.pixel_rad()))
+                self._kilometres.update(self.camera.whole)
                 self._haunt(shown)
                 self._write(shown)
             if self._tick % PLOT_TICKS == 0:

@@ -117,3 +117,13 @@ def test_from_above_is_straight_down():
 
 def test_every_instrument_is_a_way_to_look():
     assert modes(SCENE) == ["orbit", "follow", "top", "from theo-north", "from theo-south", "from radar-west"]
+
+
+def test_what_the_edge_would_cut_is_not_whole():
+    camera, handle = viewer()
+    handle.position, handle.wxyz = NONE, SO3.identity().wxyz  # looks along z, x to the right
+    reach = np.tan(handle.fov / 2)
+    places = np.array(
+        [[0, 0, 1], [0.9 * reach, 0, 1], [0.97 * reach, 0, 1], [0, -0.99 * reach, 1], [0, 0, -1]]
+    )
+    assert camera.whole(places, (48, 20)).tolist() == [True, True, False, False, False]
