@@ -30,7 +30,7 @@ STYLE = f"""<style>
   margin-right: 0.4em; }}
 .gcs .lost {{ height: 0; overflow: hidden; color: white; background: {css(colours.BAD)}; font-weight: 600;
   text-align: center; border-radius: 0.4em; animation: gcs-lost 0.1s {LOST_S}s forwards; }}
-@keyframes gcs-lost {{ to {{ height: 1.8em; line-height: 1.8em; }} }}
+@keyframes gcs-lost {{ to {{ height: 1.8em; line-height: 1.8em; margin-bottom: 0.4em; }} }}
 </style>"""
 
 # A track that passes through three sightings, for the browser's tab.
@@ -67,7 +67,10 @@ def copied(text: str) -> str:
 
 
 def inked(text: str, colour: Colour | None) -> str:
-    return f'<b style="color:{css(colour)}">{text}</b>' if colour else text
+    """Bold in a colour, mixed with the page's ink so that it reads on the light and on the dark page."""
+    if not colour:
+        return text
+    return f'<b style="color:color-mix(in srgb, {css(colour)} 70%, currentColor)">{text}</b>'
 
 
 def aged(text: str, *, old: bool) -> str:

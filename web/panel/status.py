@@ -31,11 +31,11 @@ def head(scene: Scene, state: State | None, word: str, colour: Colour, tick: int
     mark = f'<span class="badge" style="background:{css(colour)}">{word}</span><b>{escape(scene.vehicle)}</b>'
     lost = f'<div class="lost" data-tick="{tick}">NO CONTACT WITH THE STATION</div>'
     if state is None:
-        return html.block(f'{mark} <span class="quiet">{escape(scene.range)}</span>{lost}')
+        return html.block(f'{lost}{mark} <span class="quiet">{escape(scene.range)}</span>')
     day = datetime.fromtimestamp(state.t_ns // 1_000_000_000, UTC)
     where = f'<span class="quiet">{escape(scene.range)} · {day:%Y-%m-%d}</span>'
     utc = '<span class="quiet" style="font-size:0.5em">UTC</span>'
-    return html.block(f'{mark} {where}{lost}<div class="clock">{clock(state.t_ns)} {utc}</div>')
+    return html.block(f'{lost}{mark} {where}<div class="clock">{clock(state.t_ns)} {utc}</div>')
 
 
 def go(alarms: list[str], lies: list[str], *, demanded: bool) -> str:

@@ -13,3 +13,8 @@ def test_what_is_copied_is_text():
 
 def test_a_table_has_a_row_each():
     assert html.table([["a", "b"], ["c", "d"]], ("x", "y")).count("<tr>") == 3
+
+
+def test_coloured_words_take_some_of_the_ink_of_the_page():
+    assert "currentColor" in html.inked("late", (214, 140, 0))
+    assert html.inked("late", None) == "late"
