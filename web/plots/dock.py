@@ -67,7 +67,7 @@ class Charts:
             cursor={"sync": {"key": "flight"}},
             legend={"show": True, "live": False},
             height=HEIGHT_PX,
-            padding=(10, 8, 0, 0),
+            padding=(10, 18, 0, 0),
         )
 
 
