@@ -93,15 +93,17 @@ def dots(
 
 
 def limit(figure: go.Figure, metres: float | None, row: int, name: str = "tolerance") -> None:
-    """A level line at a tolerance, where there is one."""
-    if metres is not None:
-        figure.add_hline(
-            y=metres,
-            line={"color": LIMIT, "dash": "dash", "width": 1.5},
-            row=row,
-            col=1,
-            annotation_text=name,
-        )
+    """A level line at a tolerance, where there is one, on a logarithmic axis."""
+    if metres is None:
+        return
+    figure.add_hline(y=metres, line={"color": LIMIT, "dash": "dash", "width": 1.5}, row=row, col=1)
+    x_axis, y_axis = (
+        next(axes).anchor for axes in (figure.select_yaxes(row=row), figure.select_xaxes(row=row))
+    )
+    figure.add_annotation(  # its place on a logarithmic axis is an exponent, that of a line is not
+        text=name, x=1.0, xref=f"{x_axis} domain", xanchor="right", y=np.log10(metres), yref=y_axis,
+        yanchor="bottom", showarrow=False,
+    )  # fmt: skip
 
 
 def colour_of(sensor: str, sensors: Sequence[str]) -> str:
