@@ -10,6 +10,7 @@ several vehicles are made up. Without a graphics card a picture takes about a mi
 
 import io
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -31,15 +32,19 @@ sys.path.insert(0, str(ROOT))
 
 from gcs.contract.messages import Health, State  # noqa: E402
 from tests.web import browser, flight  # noqa: E402
+from web.plots.dock import WIDTH_PX  # noqa: E402
 from web.view import View  # noqa: E402
+from web.viewer import PANEL_PX  # noqa: E402
 
 SAMPLE, PORT = ROOT / "logs" / "sample", 23_090
 BUS, MAVLINK = "tcp/127.0.0.1:23091", "udpin:127.0.0.1:23092"
 TOLERANCE = ("--tolerance-h", "2", "--tolerance-v", "2")
 SMALL, LARGE = {"width": 1280, "height": 720}, {"width": 1920, "height": 1080}
 WIDE_PX = 1280  # pictures of the large window are made smaller for the page
+CLEAR_PX = 20
 PATIENCE_MS = 240_000  # of a busy machine without a graphics card
-COLOURS = 128  # of a palette: a third of the bytes
+COLOURS, TURNS = 256, 2  # of a palette, and to refine it: a quarter of the bytes, and no tint is lost
+STANDS = re.compile("^(END|PAUSED)$")  # a replay that was flown; paused where an earlier look has sought
 
 
 class Look(NamedTuple):
@@ -80,7 +85,7 @@ def of_page(shot: Shot, process: Any, look: Look) -> bytes:
     with browser.open_page(f"http://127.0.0.1:{PORT}", look.size) as page:
         page.set_default_timeout(PATIENCE_MS)
         if shot.source is replayed:
-            page.get_by_text("END", exact=True).wait_for()
+            page.get_by_text(STANDS).first.wait_for()
             page.get_by_role("tab", name="Flight", exact=True).click()
         page.get_by_role("tab", name="Show", exact=True).click()
         dark = page.get_by_role("checkbox", name="dark", exact=True)
@@ -121,8 +126,8 @@ def station(*command: str) -> Iterator[subprocess.Popen]:
         )  # fmt: skip
         try:
             assert process.stderr
-            while process.poll() is None and "view:" not in process.stderr.readline():
-                pass
+            while "view:" not in process.stderr.readline():
+                assert process.poll() is None, "the station has ended; is its port in use?"
             yield process
         finally:
             process.send_signal(signal.SIGCONT)
@@ -154,11 +159,12 @@ def flying() -> Any:
 def reported(*, compared: bool) -> Iterator[Path]:
     """The report of the sample flight, or its best estimate against the truth."""
     with tempfile.TemporaryDirectory() as out:
-        gcs = [sys.executable, "-m", "gcs"]
-        page, run = Path(out, "page.html"), str(Path(out, "sample-flight"))
-        subprocess.run([*gcs, *FLOWN, "--out", run], cwd=ROOT, check=True, capture_output=True)
+        gcs, page = [sys.executable, "-m", "gcs"], Path(out, "page.html")
+        here = os.environ | {"PYTHONPATH": str(ROOT)}
+        run = "sample-flight"  # the page tells the folder as it was named
         what = ["compare", run, str(SAMPLE / "truth.csv")] if compared else ["report", run, *TOLERANCE]
-        subprocess.run([*gcs, *what, "--out", str(page)], cwd=ROOT, check=True, capture_output=True)
+        for words in ([*FLOWN, "--out", run], [*what, "--out", page.name]):
+            subprocess.run([*gcs, *words], cwd=out, env=here, check=True, capture_output=True)
         yield page
 
 
@@ -188,10 +194,10 @@ def range_of_three() -> Iterator[None]:
 
 
 def live(page: Any, _process: subprocess.Popen) -> None:
-    """Half a minute of flight, the sensors beside it."""
+    """The flight after its first turns, the sensors beside it."""
     page.get_by_role("tab", name="Sensors", exact=True).click()
     page.get_by_text("LIVE", exact=True).wait_for(timeout=180_000)
-    page.wait_for_timeout(30_000)
+    page.wait_for_timeout(75_000)
 
 
 def flagged(page: Any, _process: subprocess.Popen) -> None:
@@ -206,7 +212,8 @@ def picked(page: Any, _process: subprocess.Popen) -> None:
     """The outlier that stands most by itself, clicked."""
     browser.settle(page)
     pixels = np.array(Image.open(io.BytesIO(page.screenshot())).convert("RGB"), int)
-    middle = slice(360, 880)  # between the panels
+    left, right = between(page)
+    middle = slice(left, right)
     r, g, b = np.moveaxis(pixels[:, middle], -1, 0)
     reds = np.argwhere((r > 190) & (g < 130) & (b < 110))
     alone = max(reds[::7], key=lambda p: np.sort(np.abs(reds - p).sum(axis=1))[min(60, len(reds) - 1)])
@@ -214,8 +221,13 @@ def picked(page: Any, _process: subprocess.Popen) -> None:
     page.get_by_text("the others then").wait_for()
 
 
+def between(page: Any) -> tuple[int, int]:
+    """First and last pixel of the 3-D picture from left to right, clear of the panels' edges."""
+    return WIDTH_PX + CLEAR_PX, page.viewport_size["width"] - PANEL_PX - CLEAR_PX
+
+
 def painted(page: Any, _process: subprocess.Popen) -> None:
-    """The track by its speed, height and speed beside it, the aircraft followed, with a limit set."""
+    """The track by its speed, height and speed beside it, with a limit set."""
     page.get_by_role("tab", name="Limits", exact=True).click()
     for label, limit in (("position within m", "5"), ("height within m", "5")):
         page.get_by_label(label).fill(limit)
@@ -243,10 +255,10 @@ def boxed(page: Any, _process: subprocess.Popen) -> None:
     """A box over the whole flight, with its outliers told."""
     page.get_by_role("button", name="Outliers in a box").click()
     page.get_by_text("Drag a box").wait_for()
-    left, top, right, bottom = 520, 120, 1480, 900
-    page.mouse.move(left, top)
+    (left, right), height = between(page), page.viewport_size["height"]
+    page.mouse.move(left + (right - left) // 8, height // 9)
     page.mouse.down()
-    page.mouse.move(right, bottom, steps=10)
+    page.mouse.move(right - (right - left) // 16, height * 5 // 6, steps=10)
     page.mouse.up()
     page.get_by_text("measurements there").wait_for()
 
@@ -266,7 +278,8 @@ def save(png: bytes, path: Path, *, shrunk: bool) -> None:
         picture = picture.resize(
             (WIDE_PX, picture.height * WIDE_PX // picture.width), Image.Resampling.LANCZOS
         )
-    picture.quantize(COLOURS, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE).save(path, optimize=True)
+    few = picture.quantize(COLOURS, Image.Quantize.MAXCOVERAGE, kmeans=TURNS, dither=Image.Dither.NONE)
+    few.save(path, optimize=True)
 
 
 LIGHT, DARK, WIDE = Look(SMALL, dark=False), Look(SMALL, dark=True), Look(LARGE, dark=False)
