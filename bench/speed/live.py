@@ -125,6 +125,8 @@ def connect() -> zenoh.Session:
 def report(received: list[tuple[int, bytes]], seconds: float) -> str:
     """One paragraph: states received, gaps in their order, latency from measurement put to state received."""
     states = [(arrival_ns, json.loads(payload)) for arrival_ns, payload in received]
+    if not states:
+        return "no state came: is the filter still compiling? once it is, ask again"
     numbers = [state["seq"] for _, state in states]
     gaps = sum(after != before + 1 for before, after in itertools.pairwise(numbers))
     begin_ns = states[0][1]["t_ns"] + round(FIRST_S * 1e9)
