@@ -67,6 +67,11 @@ def follow_motion(
     return out
 
 
+def usual_after(known: np.ndarray, prior: np.ndarray, seconds: float) -> np.ndarray:
+    """(4,) usual densities after so long a silence since ``known`` (2, 4): back towards their prior."""
+    return np.exp(_follow(known, prior, np.zeros(4), np.zeros(4), seconds / MOTION_MEMORY_S)[0])
+
+
 def noise_prior(is_ins: np.ndarray) -> np.ndarray:
     """(2, s, 13) log scale of each channel's variance, and its information, as before the first row."""
     sigma = np.full((len(is_ins), len(CHANNELS)), NOISE_SIGMA)

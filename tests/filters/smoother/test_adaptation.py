@@ -137,6 +137,16 @@ def test_what_is_usual_does_not_depend_on_how_often_it_is_asked():
     assert np.allclose(twice, usual(known, TWO, seconds=8.0))
 
 
+def test_in_silence_what_is_usual_goes_back_to_the_setting():
+    calm = usual(BEFORE, 0.001 * TWO, information=5.0)
+    middle, setting = np.exp(calm[0]), np.exp(BEFORE[0])
+    assert np.allclose(adaptation.usual_after(calm, BEFORE, 0.0), middle)
+    after = adaptation.usual_after(calm, BEFORE, 3.0 * adaptation.MOTION_MEMORY_S)
+    assert (after > 1.1 * middle).all()
+    assert (after < setting).all()
+    assert np.allclose(adaptation.usual_after(calm, BEFORE, 3600.0), setting)
+
+
 def test_what_is_usual_has_bounds_and_what_does_not_move_stays():
     assert np.allclose(usual(BEFORE, TWO, slope=1e6, information=1.0)[0], np.log(motion.HIGHEST))
     level = adaptation.motion_prior(PRIOR * [1, 0, 1, 0])
