@@ -15,9 +15,10 @@ from filters.models import motion
 from filters.models.rows import AE, CHANNELS, VE
 from filters.smoother.passes import Scores
 
-MOTION_SIGMA = 1.5  # of log density about the usual one: 95 % within a factor of twenty
+MOTION_SIGMA = (
+    1.5  # of log density about the usual one, and of that about its setting: 95 % within a factor of 20
+)
 MOTION_MEMORY_S = 10.0  # a flight that manoeuvres will do so again
-USUAL_SIGMA = 3.0  # of log density before anything was seen: 95 % within a factor of 400
 WILDER = 30.0  # factor of the densities in a manoeuvre
 MOTION_STEP = 1.2  # largest change of log density in one pass
 NOISE_SIGMA = 0.5  # of the prior of log variance: stated sigmas are right within a factor of 1.6
@@ -52,7 +53,7 @@ def log_prior(psd: np.ndarray, usual: np.ndarray) -> float:
 
 def motion_prior(psd: np.ndarray) -> np.ndarray:
     """(2, 4) logarithm of each density, and its information, as before the first row."""
-    return np.stack([np.log(np.where(psd > 0.0, psd, 1.0)), np.full(len(psd), USUAL_SIGMA**-2)])
+    return np.stack([np.log(np.where(psd > 0.0, psd, 1.0)), np.full(len(psd), MOTION_SIGMA**-2)])
 
 
 def follow_motion(

@@ -114,14 +114,14 @@ TWO = np.array([20.0 * PRIOR, 0.1 * PRIOR])  # densities now, and before a manoe
 @pytest.mark.parametrize("regime", [0, 1])
 def test_what_is_usual_is_the_mean_of_what_was_seen_by_its_information(regime):
     known = usual(BEFORE, TWO, slope=0.0, information=5.0, regime=regime)
-    weight = 5.0 / (5.0 + adaptation.USUAL_SIGMA**-2)
+    weight = 5.0 / (5.0 + adaptation.MOTION_SIGMA**-2)
     assert np.allclose(known[0], np.log(PRIOR) + weight * np.log(TWO[regime] / PRIOR))
-    assert np.allclose(known[1], 5.0 + adaptation.USUAL_SIGMA**-2)
+    assert np.allclose(known[1], 5.0 + adaptation.MOTION_SIGMA**-2)
 
 
 def test_a_slope_moves_it_as_far_as_its_information_says():
     known = usual(BEFORE, np.array([PRIOR, PRIOR]), slope=1.0, information=4.0)
-    assert np.allclose(known[0] - np.log(PRIOR), 1.0 / (4.0 + adaptation.USUAL_SIGMA**-2))
+    assert np.allclose(known[0] - np.log(PRIOR), 1.0 / (4.0 + adaptation.MOTION_SIGMA**-2))
 
 
 def test_a_quiet_minute_is_forgotten_and_an_hour_leads_back_to_the_setting():
