@@ -15,10 +15,9 @@ from filters.models import motion
 from filters.models.rows import AE, CHANNELS, VE
 from filters.smoother.passes import Scores
 
-MOTION_SIGMA = (
-    1.5  # of log density about the usual one, and of that about its setting: 95 % within a factor of 20
-)
+MOTION_SIGMA = 1.5  # of log density about the usual one: 95 % within a factor of twenty
 MOTION_MEMORY_S = 10.0  # a flight that manoeuvres will do so again
+USUAL_SIGMA = 3.0  # of log density before anything was seen: 95 % within a factor of 400
 WILDER = 30.0  # factor of the densities in a manoeuvre
 MOTION_STEP = 1.2  # largest change of log density in one pass
 NOISE_SIGMA = 0.5  # of the prior of log variance: stated sigmas are right within a factor of 1.6
@@ -53,7 +52,7 @@ def log_prior(psd: np.ndarray, usual: np.ndarray) -> float:
 
 def motion_prior(psd: np.ndarray) -> np.ndarray:
     """(2, 4) logarithm of each density, and its information, as before the first row."""
-    return np.stack([np.log(np.where(psd > 0.0, psd, 1.0)), np.full(len(psd), MOTION_SIGMA**-2)])
+    return np.stack([np.log(np.where(psd > 0.0, psd, 1.0)), np.full(len(psd), USUAL_SIGMA**-2)])
 
 
 def follow_motion(
@@ -61,16 +60,16 @@ def follow_motion(
 ) -> np.ndarray:
     """(2, 4) as `motion_prior` after ``seconds`` more of decided rows, scored at ``psd`` (2, 4)."""
     moves, out = psd[0] > 0.0, known.copy()
+    keep = np.exp(-seconds / MOTION_MEMORY_S)
+    (mean, information), (middle, least) = known[:, moves], prior[:, moves]
     slope, more = scores.kept[:, 0, moves], scores.kept[:, 1, moves]
-    seen = (more * np.log(psd[:, moves]) + slope).sum(axis=0), more.sum(axis=0)
-    out[:, moves] = _follow(known[:, moves], prior[:, moves], *seen, seconds / MOTION_MEMORY_S)
-    out[0, moves] = np.clip(out[0, moves], np.log(motion.LOWEST[moves]), np.log(motion.HIGHEST[moves]))
+    before = keep * (information - least)
+    information = least + before + more.sum(axis=0)
+    seen = (more * np.log(psd[:, moves]) + slope).sum(axis=0)
+    mean = (least * middle + before * mean + seen) / information
+    out[0, moves] = np.clip(mean, np.log(motion.LOWEST[moves]), np.log(motion.HIGHEST[moves]))
+    out[1, moves] = information
     return out
-
-
-def usual_after(known: np.ndarray, prior: np.ndarray, seconds: float) -> np.ndarray:
-    """(4,) usual densities after so long a silence since ``known`` (2, 4): back towards their prior."""
-    return np.exp(_follow(known, prior, np.zeros(4), np.zeros(4), seconds / MOTION_MEMORY_S)[0])
 
 
 def noise_prior(is_ins: np.ndarray) -> np.ndarray:
@@ -81,20 +80,12 @@ def noise_prior(is_ins: np.ndarray) -> np.ndarray:
 
 
 def follow_noise(known: np.ndarray, prior: np.ndarray, scores: Scores, seconds: float) -> np.ndarray:
-    """(2, s, 13) as `noise_prior` after ``seconds`` more of decided rows, scored at ``known``."""
+    """(2, s, 13) as `noise_prior` after ``seconds`` more of decided rows."""
+    keep = np.exp(-seconds / NOISE_MEMORY_S)
+    information = prior[1] + keep * (known[1] - prior[1])
+    mean = keep * known[1] * known[0] / information  # the prior's own mean is 0
     slope, more = scores.noise
-    mean, information = _follow(known, prior, more * known[0] + slope, more, seconds / NOISE_MEMORY_S)
+    heard = more > 0.0
+    information = information + more
+    mean = np.where(heard, mean + slope / information, mean)
     return np.stack([np.clip(mean, LOWEST, HIGHEST), information])
-
-
-def _follow(
-    known: np.ndarray, prior: np.ndarray, told: np.ndarray, more: np.ndarray, age: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """(mean, information) of normal beliefs that forget by e^−``age`` what was told, never their ``prior``.
-
-    ``told`` is the mean times the information, ``more``, of what is told now.
-    """
-    keep = np.exp(-age)
-    information = prior[1] + keep * (known[1] - prior[1]) + more
-    told = prior[1] * prior[0] + keep * (known[1] * known[0] - prior[1] * prior[0]) + told
-    return told / information, information

@@ -79,12 +79,7 @@ class Hypothesis:
     @property
     def usual_psd(self) -> np.ndarray:
         """(4,) the middle of the prior of the densities."""
-        return self.usual_after(0.0)
-
-    def usual_after(self, seconds: float) -> np.ndarray:
-        """(4,) the same when nothing is heard for so long."""
-        usual = adaptation.usual_after(self.motion, self.space.prior_motion, seconds)
-        return np.where(self.psd > 0.0, usual, 0.0)
+        return np.where(self.psd > 0.0, np.exp(self.motion[0]), 0.0)
 
     def densities(self) -> np.ndarray:
         """(2, 4) of the regimes: now, and before the manoeuvre that the window has seen."""

@@ -77,9 +77,8 @@ class Window:
                 bank.best = None
 
     def _silent_too_long(self, bank: Bank, t_ns: int) -> bool:
-        gap_ns = t_ns - bank.best.head.t_ns
+        gap_ns, psd = t_ns - bank.best.head.t_ns, bank.best.usual_psd
         dt = gap_ns * 1e-9
-        psd = bank.best.usual_after(dt)
         lost = psd[:2].max() * dt**3 / 3 + psd[2:].max() * dt >= SPEED_LOST_MPS**2
         return bool(gap_ns >= SILENCE_NS and lost)
 
