@@ -32,7 +32,7 @@ class Diary:
     """
 
     def __init__(self, folder: Path, monitor: Monitor, tell: Tell = to_operator, put: Put = at_once):
-        self._monitor, self._put = monitor, put
+        self._monitor, self._tell, self._put = monitor, tell, put
         self._next_ns = 0
         self._files = [RunFile(folder / name, tell) for name in FILES]
         self._write([[header] for header in FILES.values()])
@@ -62,6 +62,8 @@ class Diary:
     def _close(self) -> None:
         for file in self._files:
             file.close(PATIENCE_S)
+            if file.lost:
+                self._tell("error", f"{file.path}: ends early, {file.lost} rows are missing")
 
 
 def error_lines(t_ns: int, report: dict) -> Iterator[str]:

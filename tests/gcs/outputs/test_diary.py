@@ -7,6 +7,7 @@ import pytest
 
 from filters.models.rows import TRACK
 from gcs.contract.messages import Event, Wind
+from gcs.outputs import diary as diary_module
 from gcs.outputs.diary import Diary, error_lines
 from gcs.station.health import Files, Monitor
 from gcs.station.ledger import Ledger
@@ -63,6 +64,17 @@ def test_the_writing_is_left_to_who_has_the_time(tmp_path):
     assert "radar is back" not in (tmp_path / "events.csv").read_text()
     work()
     assert "radar is back" in (tmp_path / "events.csv").read_text()
+
+
+def test_rows_that_a_full_disk_does_not_take_are_told(tmp_path, monkeypatch):
+    monkeypatch.setattr(diary_module, "PATIENCE_S", 0.0)
+    (tmp_path / "events.csv").symlink_to("/dev/full")
+    told = []
+    diary = Diary(tmp_path, Monitor(["ins", "theo"], Files()), lambda _, text: told.append(text))
+    diary.take(update(2 * S, Event(t_ns=2 * S, level="info", text="radar is back")))
+    diary.close({}, np.zeros(0, TRACK))
+    assert "No space left" in told[0]
+    assert told[1:] == [f"{tmp_path / 'events.csv'}: ends early, 2 rows are missing"]  # one is the header
 
 
 def test_angles_are_in_degrees():
