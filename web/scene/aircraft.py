@@ -11,8 +11,8 @@ from web.look import colours
 from web.scene import glyphs
 
 NOW, THEN = "now", "then"
-# Nodes of what moves with the newest state, not seen by who looks back.
-OF_NOW = ("{root}/now", "{root}/trust/now", "{root}/sights/now", "{root}/wind/now")
+# Nodes, under a flight's, of what moves with the newest state; not seen by who looks back.
+OF_NOW = tuple(under + NOW for under in ("", "trust/", "sights/", "wind/"))
 SIZE = 0.08  # wing span as a share of the camera's distance
 TRUST = 0.02  # least size of what shows trust, as such a share
 LEAST_M = 2.0  # wing span from near

@@ -34,7 +34,7 @@ class Ghost:
 
     def _see_now(self, *, seen: bool) -> None:
         if not self._now:
-            paths = [path.format(root=self._flight.root) for path in OF_NOW]
-            self._now = [self._api.add_frame(path, show_axes=False) for path in paths]
+            root = self._flight.root
+            self._now = [self._api.add_frame(f"{root}/{path}", show_axes=False) for path in OF_NOW]
         for frame in self._now:
             frame.visible = seen

@@ -60,7 +60,7 @@ class Picture:
         for name, shown in LAYERS.items():
             server.scene.add_frame(f"{root}/{name}", show_axes=False, visible=shown)
         for path in OF_NOW:
-            server.scene.add_frame(path.format(root=root), show_axes=False)
+            server.scene.add_frame(f"{root}/{path}", show_axes=False)
         self._lines, self._clouds = Lines(server.scene), Clouds(server.scene, AFAR_M)
         draw_ground(server.scene, self._lines, root)
         if site:

@@ -45,7 +45,7 @@ def test_what_is_looked_back_upon_shares_no_node_with_now():
     Aircraft(now, "/f", "uav1")
     Aircraft(then, "/f", "uav1", THEN)
     names, others = ({call.args[0] for call in api.method_calls} for api in (now, then))
-    hidden = tuple(path.format(root="/f") + "/" for path in OF_NOW)
+    hidden = tuple(f"/f/{path}/" for path in OF_NOW)
     assert names
     assert all(name.startswith(hidden) for name in names)
     assert not any(name.startswith(hidden) for name in others)
