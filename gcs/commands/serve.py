@@ -85,10 +85,9 @@ def serve(
         introduce(bus, station, frame)
         if station.mavlink.link:
             supervisor.start("mavlink", partial(_mavlink, station, Link(bus), recorder.link))
-        if shown:
-            supervisor.adopt(shown.part)
         say(f"bus: {station.bus.endpoint}   keys: {station.range.name}/{station.vehicle.name}/…")
         if shown:
+            supervisor.adopt(shown.part)
             say(f"view: {shown.url}   (Ctrl-C ends)")
         over = beside(stack) if beside else stop
         if seconds is not None:  # from here, so that reading the demo's flight takes none of them
@@ -99,6 +98,11 @@ def serve(
         if shown and not stop.is_set():
             say("the flight is over; the view stays until Ctrl-C")
             stop.wait()
+    _take_leave(folder, supervisor)
+
+
+def _take_leave(folder: Path, supervisor: Supervisor) -> None:
+    """The last words: where the run is, and what is not whole."""
     say(f"run folder: {folder}   (a page to sign: gcs report {folder})")
     missed = [sink.name for sink in supervisor.others if not sink.health().running]
     if missed:

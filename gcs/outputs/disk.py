@@ -157,7 +157,7 @@ class Beside:
     ``idle`` is done where nothing has come for ``IDLE_S``, however long the one who puts takes.
     """
 
-    def __init__(self, idle: Callable[[], object]):
+    def __init__(self, idle: Callable[[], object] = lambda: None):
         self._idle = idle
         self._work: deque[tuple[Callable[[], object], int]] = deque()
         self._size = 0

@@ -60,7 +60,7 @@ class _File(RotatingFileHandler):
 
     def __init__(self, path: Path, **options: Any):
         super().__init__(path, **options)
-        self._beside = Beside(lambda: None)
+        self._beside = Beside()
 
     def emit(self, record: logging.LogRecord) -> None:
         self._beside.put(partial(super().emit, record))

@@ -23,7 +23,7 @@ class Unhindered:
 
     def __init__(self, stream: TextIO):
         self._stream = stream
-        self._beside = Beside(lambda: None)
+        self._beside = Beside()
 
     def write(self, text: str) -> int:
         self._beside.put(partial(self._pass_on, text), len(text))
