@@ -71,14 +71,20 @@ def main(words: list[str]) -> None:
         looks = (
             [Look(size, dark) for size in (SMALL, LARGE) for dark in (False, True)] if folder else [shot.look]
         )
-        with shot.source() as source:
-            for look in looks:
-                take = of_file if isinstance(source, Path) else of_page
-                picture = take(shot, source, look)
-                shade = f"-{look.size['width']}-{'dark' if look.dark else 'light'}"
-                path = folder / f"{name}{shade}.png" if folder else ROOT / "docs" / f"{name}.png"
-                save(picture, path, shrunk=not folder)
-                print(f"{path.name}: {path.stat().st_size // 1000} kB", flush=True)
+        # a live flight is over before a third look; what stands still is opened once for all
+        for together in [[look] for look in looks] if shot.source is flying else [looks]:
+            take(name, shot, together, folder)
+
+
+def take(name: str, shot: Shot, looks: list[Look], folder: Path | None) -> None:
+    """One shot in some looks, of one source; into docs/ without a ``folder``."""
+    with shot.source() as source:
+        for look in looks:
+            picture = (of_file if isinstance(source, Path) else of_page)(shot, source, look)
+            shade = f"-{look.size['width']}-{'dark' if look.dark else 'light'}"
+            path = folder / f"{name}{shade}.png" if folder else ROOT / "docs" / f"{name}.png"
+            save(picture, path, shrunk=not folder)
+            print(f"{path.name}: {path.stat().st_size // 1000} kB", flush=True)
 
 
 def of_page(shot: Shot, process: Any, look: Look) -> bytes:
