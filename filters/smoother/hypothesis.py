@@ -174,7 +174,8 @@ class Hypothesis:
         status.advance(left, own, memory)
         self.anchor, self.young = Moment(int(t_ns), x, P, memory), False
         self.own = Outcome(*(column[cut:].copy() for column in self.own))
-        self.scale = adaptation.follow_noise(self.scale, space.prior_noise, found, seconds)
+        chance = memory[..., runs.CHANCE]
+        self.scale = adaptation.follow_noise(self.scale, space.prior_noise, found, chance, seconds)
         self.motion = adaptation.follow_motion(
             self.motion, space.prior_motion, self.densities(), found, seconds
         )

@@ -42,7 +42,7 @@ class Scores(NamedTuple):
 
     kept: np.ndarray  # (2, 2, 4) of motion.PSD, by the kept rows of each regime
     rest: np.ndarray  # (2, 4) the same by the other rows of regime 0
-    noise: np.ndarray  # (2, s, 13) of each channel's variance
+    noise: np.ndarray  # (3, s, 13) of each channel's variance; and by how much the slope counts on u² = 1
 
 
 def trace(rows: int, n: int, keep: int) -> Trace:
@@ -65,7 +65,7 @@ def trace(rows: int, n: int, keep: int) -> Trace:
 
 def scores(sensors: int, channels: int) -> Scores:
     """All zero."""
-    return Scores(np.zeros((2, 2, 4)), np.zeros((2, 4)), np.zeros((2, sensors, channels)))
+    return Scores(np.zeros((2, 2, 4)), np.zeros((2, 4)), np.zeros((3, sensors, channels)))
 
 
 @kernel
@@ -159,6 +159,7 @@ def backward(model, rows, own, densities, keep, out, r, N, found, work):
                 s, c = rows.sensor[k], rows.channel[k]
                 found.noise[0, s, c] += 0.5 * own.weight[k] * noise * (e * e - D)
                 found.noise[1, s, c] += 0.5 * own.weight[k] * (noise * D) ** 2
+                found.noise[2, s, c] += 0.5 * own.weight[k] * noise * D
             _condense(out.index, out.gain, out.count[k], k, e, D, S, r, N, Nm, work[1])
         else:
             own.residual[k] = v - mr

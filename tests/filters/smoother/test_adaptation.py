@@ -5,20 +5,21 @@ import pytest
 
 from filters.models import motion, state
 from filters.models.rows import VE, E
-from filters.smoother import adaptation, passes
+from filters.smoother import adaptation, passes, status
 from filters.smoother.passes import Scores
 from tests.filters.smoother.kit import small
 from tests.filters.smoother.test_passes import both
 
 PRIOR = motion.PSD
 IS_INS = np.array([True, False])
+CLEAN = np.zeros((2, 13))  # chances of an outlier
 
 
-def scores(slope=0.0, information=0.0, noise_slope=0.0, noise_information=0.0):
+def scores(slope=0.0, information=0.0, noise_slope=0.0, noise_information=0.0, counted=0.0):
     return Scores(
         np.stack([np.stack([np.full(4, float(slope)), np.full(4, float(information))]), np.zeros((2, 4))]),
         np.zeros((2, 4)),
-        np.stack([np.full((2, 13), float(noise_slope)), np.full((2, 13), float(noise_information))]),
+        np.stack([np.full((2, 13), float(x)) for x in (noise_slope, noise_information, counted)]),
     )
 
 
@@ -160,7 +161,7 @@ def learn(variance, rows_per_second=20, seconds=60, seed=0):
         found = passes.scores(2, 13)
         found.noise[0, 1, 0] = 0.5 * (residual**2 / noise - 1.0).sum()  # of ½ log N(r; 0, R) by log R
         found.noise[1, 1, 0] = 0.5 * rows_per_second
-        known = adaptation.follow_noise(known, prior, found, 1.0)
+        known = adaptation.follow_noise(known, prior, found, CLEAN, 1.0)
     return known
 
 
@@ -182,18 +183,20 @@ def test_unheard_noise_goes_back_to_its_prior():
     known, prior = learn(9.0), adaptation.noise_prior(IS_INS)
     before = np.abs(known[0]).copy()
     for _ in range(4):
-        known = adaptation.follow_noise(known, prior, passes.scores(2, 13), 10.0)
+        known = adaptation.follow_noise(known, prior, passes.scores(2, 13), CLEAN, 10.0)
         assert (np.abs(known[0]) <= before).all()
         before = np.abs(known[0])
-    long_after = adaptation.follow_noise(known, prior, passes.scores(2, 13), 1e4)
+    long_after = adaptation.follow_noise(known, prior, passes.scores(2, 13), CLEAN, 1e4)
     assert np.allclose(long_after[0], 0.0, atol=1e-9)
     assert np.allclose(long_after[1], prior[1])
 
 
 def test_memory_is_of_data_time_not_of_calls():
     known, prior, none = learn(9.0), adaptation.noise_prior(IS_INS), passes.scores(2, 13)
-    once = adaptation.follow_noise(known, prior, none, 8.0)
-    twice = adaptation.follow_noise(adaptation.follow_noise(known, prior, none, 3.0), prior, none, 5.0)
+    once = adaptation.follow_noise(known, prior, none, CLEAN, 8.0)
+    twice = adaptation.follow_noise(
+        adaptation.follow_noise(known, prior, none, CLEAN, 3.0), prior, none, CLEAN, 5.0
+    )
     assert np.allclose(once, twice)
 
 
@@ -201,6 +204,29 @@ def test_what_is_learned_is_the_weighted_mean_of_prior_and_data():
     """One quadratic log likelihood of middle μ and information I: posterior μ I / (I + prior's)."""
     prior = adaptation.noise_prior(IS_INS)
     middle, information = 0.8, 7.0
-    known = adaptation.follow_noise(prior, prior, scores(0, 0, middle * information, information), 0.0)
+    known = adaptation.follow_noise(prior, prior, scores(0, 0, middle * information, information), CLEAN, 0.0)
     assert np.allclose(known[0], middle * information / (information + prior[1]))
     assert np.allclose(known[1], information + prior[1])
+
+
+def kept_of_good_rows(p):
+    """Mean u² of good rows, weighted by P(good), where an outlier has probability ``p``."""
+    u = np.linspace(-12.0, 12.0, 4801)
+    good = np.exp(-0.5 * u * u) / np.sqrt(2.0 * np.pi)
+    gross = status.WIDTH / np.pi / (status.WIDTH**2 + u * u)
+    weight = (1.0 - p) * good / ((1.0 - p) * good + p * gross)
+    return (weight * u * u * good).sum() / (weight * good).sum()
+
+
+@pytest.mark.parametrize("p", [0.005, 0.02, 0.05, 0.1, 0.2])
+def test_what_is_missing_of_good_rows_is_that_of_the_integral(p):
+    assert 1.0 - adaptation.missing(p) == pytest.approx(kept_of_good_rows(p), abs=0.002)
+
+
+def test_noise_is_not_learned_too_small_where_the_large_residuals_count_for_outliers():
+    """Good rows as stated in a channel with many outliers: they lose some of their own."""
+    prior, chance = adaptation.noise_prior(IS_INS), np.full((2, 13), 0.15)
+    seen = kept_of_good_rows(0.15)
+    found = scores(0.0, 0.0, 250.0 * (seen - 1.0), 250.0, 250.0)
+    assert adaptation.follow_noise(prior, prior, found, chance, 1.0)[0, 1, 0] == pytest.approx(0.0, abs=0.003)
+    assert adaptation.follow_noise(prior, prior, found, CLEAN, 1.0)[0, 1, 0] < -0.06

@@ -148,6 +148,18 @@ def test_the_slope_by_the_noise_is_that_of_the_log_likelihood():
         assert found.noise[0, 0, c] == pytest.approx((up - down) / (2 * h), abs=2e-5)
 
 
+def test_the_slope_by_the_noise_counts_on_residuals_of_their_own_size():
+    """Were every u² larger by a share, the slope would be so by that share of what is counted on."""
+    model, rows, x, P, _ = small.linear_case(4)
+    own, _, found, *_ = both(model, rows, x, P, 1.0)
+    for c in np.unique(rows.channel):
+        mine = rows.channel == c
+        share = own.noise[mine] / own.sigma[mine] ** 2
+        u2 = (own.residual[mine] / own.sigma[mine]) ** 2
+        assert found.noise[2, 0, c] == pytest.approx(0.5 * share.sum())
+        assert found.noise[0, 0, c] == pytest.approx(0.5 * (share * (u2 - 1.0)).sum())
+
+
 def test_refused_rows_say_nothing_of_the_noise():
     model, rows, x, P, _ = small.linear_case(4)
     refused = rows.channel == rows.channel[0]
