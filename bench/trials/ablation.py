@@ -17,7 +17,7 @@ from unittest.mock import patch
 import numpy as np
 
 from bench.trials import common, flights, liar, run, scene, score
-from filters.smoother import adaptation, bank, estimator
+from filters.smoother import adaptation, bank, estimator, gated
 from filters.smoother.bank import Bank
 
 SEEN_S, LIARS = 60.0, "standard"
@@ -52,8 +52,9 @@ PARTS = {
     "no proposal `again`": Part(((Bank, "_again", _no_annealing),)),
     "no proposal `manoeuvre`": Part(((Bank, "_manoeuvre", lambda self, _rows: self.best.copy()),)),
     "no proposal `start` but the first": Part(((Bank, "_starts", _first_starts),)),
+    "no rival that lives on": Part(((Bank, "_keep_rival", lambda _self, _top, _ranked: None),)),
     "no prior odds of a change": Part(((bank, "INERTIA", 0.0),)),
-    "no second look at a surprise": Part(((estimator, "SURPRISE_NS", estimator.NEVER_NS // 2),)),
+    "no second look at a surprise": Part(((estimator, "SURPRISE_NS", gated.NEVER_NS // 2),)),
     "densities of the motion as set": Part(
         ((adaptation, "densities", _kept), (adaptation, "follow_motion", _kept))
     ),

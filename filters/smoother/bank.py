@@ -1,4 +1,4 @@
-"""The bank of hypotheses about one set of sensors: the incumbent, and those that challenge it.
+"""The bank of hypotheses about one set of sensors: the incumbent, its rival, and those that challenge it.
 
 The first two proposals are made wherever there is one to make. The others when the incumbent explains its
 window worse than a right model would (a posterior predictive check: Gelman et al. 2013, *Bayesian Data
@@ -11,7 +11,9 @@ then it is no likelier than another one. The log evidence with prior odds decide
     manoeuvre   the same, with a much wilder motion from just before the misfits begin
     start       nothing known before: each sensor's own fix and rows, then all rows
 
-The first start, a gap, a jump, a capture by a bad sensor are all the last of these.
+The first start, a gap, a jump, a capture by a bad sensor are all the last of these. The likeliest of those
+that lose, if it is close and another explanation, lives on as the rival: it takes the same rows, and is tried
+again until the rows are decided.
 """
 
 from collections.abc import Sequence
@@ -22,12 +24,13 @@ import numpy as np
 from filters.models.motion import CORE
 from filters.models.rows import AE, CHANNELS
 from filters.models.state import prior_covariance
-from filters.smoother import adaptation, start, status
+from filters.smoother import adaptation, gated, start, status
 from filters.smoother.buffer import Rows, outcome
 from filters.smoother.hypothesis import Hypothesis, Moment, Workspace
 from filters.smoother.passes import Scores
 
 SHORTFALL = 2.0  # standard deviations of the log evidence below which the model is thought to be wrong
+WRONG = 6.0  # … and below which it surely is
 LOST = 12.0  # … for a method that decides at first sight and takes outliers in its stride
 ODDS_MANOEUVRE, ODDS_START = np.log(0.1), np.log(1e-2)  # prior odds in any one window
 INERTIA = np.log(1e-2)  # prior odds of any change: the incumbent has explained all windows before
@@ -48,12 +51,25 @@ class Prior(NamedTuple):
     height_sigma_m: float = np.nan
 
 
+class Trial(NamedTuple):
+    """A hypothesis on trial, and its log prior odds against the incumbent."""
+
+    prior: float
+    hypothesis: Hypothesis
+
+    @property
+    def log_odds(self) -> float:
+        """What decides, up to a constant that all have."""
+        return self.prior + self.hypothesis.log_evidence
+
+
 class Bank:
     """See the module's text. ``best`` is None until there is a first state."""
 
     def __init__(self, space: Workspace, prior: Prior, excluded: int = -1):
         self.space, self.prior, self.excluded = space, prior, excluded
         self.best: Hypothesis | None = None
+        self.rival: Trial | None = None  # nearly as likely, about the same rows
         self._close_call, self.spread = False, np.zeros((CORE, CORE))  # (9, 9) doubt between hypotheses
         self._proven_ns = 0  # until then a start of one sensor alone may be the middle of its own run
         self.reason = ""  # of the newest start
@@ -62,84 +78,107 @@ class Bank:
         """(k,) bool: another hypothesis is nearly as likely, or nobody else has confirmed this start yet."""
         return self._close_call | (t_ns < self._proven_ns)
 
+    @property
+    def undecided(self) -> bool:
+        """Whether later rows may tell which of two is right; not where neither is."""
+        return self.rival is not None and self.best.shortfall < WRONG
+
     def copy(self) -> "Bank":
         other = object.__new__(Bank)
         other.__dict__.update(self.__dict__)
         other.best = self.best and self.best.copy()
+        other.rival = self.rival and Trial(self.rival.prior, self.rival.hypothesis.copy())
         return other
 
-    def redecide(self, rows: Rows, keep: int, others: Sequence[Hypothesis] = ()) -> tuple[Scores, bool]:
-        """Settle the window, challenge the incumbent where it fails; returns (scores, started anew).
+    def take_along(self, new: Rows, told: gated.Told, rule: gated.Rule) -> None:
+        """The rival takes ``new`` rows, which the incumbent takes too."""
+        if self.rival is not None:
+            self.rival.hypothesis.admit(new, told, rule, gated.NEVER_NS)
+
+    def commit(self, rows: Rows, cut: int, found: Scores, seconds: float) -> None:
+        """`Hypothesis.commit` of the incumbent; nobody knows better any more, so its rival is given up."""
+        self.best.commit(rows, cut, found, seconds)
+        self.rival = None
+
+    def forget(self) -> None:
+        """No state from here on."""
+        self.best = self.rival = None
+
+    def redecide(self, rows: Rows, keep: int, others: Sequence[Hypothesis] = ()) -> Scores:
+        """Settle the window, challenge the incumbent where it fails, keep the likeliest who is left.
 
         ``others``: what is made of the same rows without some sensor.
         """
         best = self.best
+        if self.rival is not None:
+            self.rival.hypothesis.settle(rows, 0)
         found = best.settle(rows, keep)
-        self._close_call, self.spread = False, np.zeros((CORE, CORE))
-        weights = [other.own.weight for other in others if apart(best, other)]
-        running = self._running(rows)
-        failing = len(rows.t) > 0 and best.shortfall >= SHORTFALL
-        if not weights and not running.any() and not failing and not best.young:
-            return found, False
-        trials = [(0.0, best)]  # log prior odds, hypothesis
-        trials += [(0.0, self._again(rows, weight, annealed=False)) for weight in weights]
-        if running.any():
-            trial = best.copy()
-            trial.settle(rows, 0, running)
-            trials.append((0.0, trial))
-            trials.append((0.0, self._again(rows, trial.own.weight, annealed=False)))
-        odds_start, inertia = (0.0, 0.0) if best.young else (ODDS_START, INERTIA)
-        starts = self._starts(rows) if best.young else []
-        if failing:
-            everything = (rows.sensor != self.excluded).astype(float)
-            again = self._again(rows, everything, annealed=True)
-            wilder = self._manoeuvre(rows)
-            trials += [(0.0, again), (ODDS_MANOEUVRE, wilder)]
-            unexplained = min(again.shortfall, wilder.shortfall) > SHORTFALL
-            if not starts and (unexplained or best.shortfall > 3.0 * SHORTFALL):
-                starts = self._starts(rows)
-        if starts:
-            likeliest = max(starts, key=lambda trial: trial.log_evidence)
-            trials.append((0.0, self._again(rows, likeliest.own.weight, annealed=False)))
-        kept = len(trials)
-        trials += [(odds_start, trial) for trial in starts]
-        ranked = [(prior + trial.log_evidence, trial) for prior, trial in trials]
-        number = int(np.argmax([odds + (inertia if h is not best else 0.0) for odds, h in ranked]))
-        top, winner = ranked[number]
-        self._doubt(winner, top, ranked)
-        if winner is best:
-            best.settle(rows, keep)
-            return found, False
-        self.best = winner
-        started = number >= kept
-        if started:
+        trials, starts = self._challengers(rows, others)
+        ranked = [Trial(0.0, best), *trials, *starts]
+        inertia = 0.0 if best.young else INERTIA
+        top = max(ranked, key=lambda trial: trial.log_odds + inertia * (trial.hypothesis is not best))
+        self._doubt(top, ranked)
+        self._keep_rival(top, ranked)
+        if len(ranked) == 1:
+            return found
+        self.best = top.hypothesis
+        if top in starts:
             if not best.young:  # else it is still the first one's
                 refused = (best.own.weight < status.DOUBT).mean()
                 self.reason = f"{refused:.0%} of the window's rows refused: begun again from the sensors"
             self._put_to_the_proof(rows)
-        return winner.settle(rows, keep), started
+        return self.best.settle(rows, keep)
 
-    def watch(self, rows: Rows, keep: int) -> tuple[Scores, bool]:
+    def _challengers(self, rows: Rows, others: Sequence[Hypothesis]) -> tuple[list[Trial], list[Trial]]:
+        """Who goes on from the incumbent's anchor, and who begins anew; none where all is well."""
+        best, trials, starts = self.best, [], []
+        if self.rival is not None:
+            (starts if self.rival.hypothesis.young else trials).append(self.rival)
+        for other in others:
+            if apart(best, other):
+                trials.append(Trial(0.0, self._again(rows, other.own.weight, annealed=False)))
+        running = self._running(rows)
+        if running.any():
+            trial = best.copy()
+            trial.settle(rows, 0, running)
+            trials.append(Trial(0.0, trial))
+            trials.append(Trial(0.0, self._again(rows, trial.own.weight, annealed=False)))
+        fixes = self._starts(rows) if best.young else []
+        if len(rows.t) and best.shortfall >= SHORTFALL:
+            everything = (rows.sensor != self.excluded).astype(float)
+            again = self._again(rows, everything, annealed=True)
+            wilder = self._manoeuvre(rows)
+            trials += [Trial(0.0, again), Trial(ODDS_MANOEUVRE, wilder)]
+            unexplained = min(again.shortfall, wilder.shortfall) > SHORTFALL
+            if not fixes and (unexplained or best.shortfall > WRONG):
+                fixes = self._starts(rows)
+        if fixes:
+            likeliest = max(fixes, key=lambda fix: fix.log_evidence)
+            trials.append(Trial(0.0, self._again(rows, likeliest.own.weight, annealed=False)))
+            starts += [Trial(0.0 if best.young else ODDS_START, fix) for fix in fixes]
+        return trials, starts
+
+    def watch(self, rows: Rows, keep: int) -> Scores:
         """For methods that have no window: start anew where they have lost the target; as `redecide`."""
         found = self.best.look(rows, keep)
         if self.best.shortfall < LOST:
-            return found, False
+            return found
         starts = self._starts(rows)
         likeliest = max(starts, key=lambda trial: trial.log_evidence, default=self.best)
         gain = likeliest.log_evidence + ODDS_START + INERTIA - self.best.log_evidence
         if gain < 0.0 or likeliest.shortfall > SHORTFALL:
-            return found, False
+            return found
         self.best, self.reason = likeliest, "lost the target: begun again from the sensors"
-        return likeliest.look(rows, keep), True
+        return likeliest.look(rows, keep)
 
     def begin(self, rows: Rows) -> bool:
         """Try to find a first state in a window of ``rows``; whether there is one now."""
-        trials = sorted(self._starts(rows), key=lambda t: -t.log_evidence)
-        trials = [t for t in trials if (t.own.weight > status.DOUBT).mean() >= GOOD_SHARE]
+        fixes = sorted(self._starts(rows), key=lambda fix: -fix.log_evidence)
+        trials = [Trial(0.0, fix) for fix in fixes if (fix.own.weight > status.DOUBT).mean() >= GOOD_SHARE]
         if not trials:
             return False
-        self.best = trials[0]
-        self._doubt(trials[0], trials[0].log_evidence, [(trial.log_evidence, trial) for trial in trials])
+        self._doubt(trials[0], trials)
+        self.best = trials[0].hypothesis
         self._put_to_the_proof(rows)
         return True
 
@@ -149,19 +188,34 @@ class Bank:
         alone = len(np.unique(used)) < 2
         self._proven_ns = self.best.head.t_ns + (PROOF_NS if alone else 0)
 
-    def _doubt(self, winner: Hypothesis, top: float, ranked: list[tuple[float, Hypothesis]]) -> None:
+    def _doubt(self, top: Trial, ranked: list[Trial]) -> None:
         """What is left of the other hypotheses: a spread of the state, and whether it is ambiguous.
 
-        ``ranked`` (log odds, hypothesis), the ``winner`` with log odds ``top`` among them. Moments of a
-        Gaussian mixture about the winner (Bar-Shalom et al. 2001, 1.4.16).
+        ``ranked`` are all, ``top`` among them. Moments of a Gaussian mixture about its state (Bar-Shalom et
+        al. 2001, 1.4.16).
         """
-        others = [(min(odds - top, 0.0), h) for odds, h in ranked if apart(winner, h, 1.0)]
-        chances = [np.exp(TEMPER * odds) for odds, _ in others]
-        self.spread = np.zeros((CORE, CORE))
-        for chance, (_, h) in zip(chances, others, strict=True):
-            gap = h.head.x[:CORE] - winner.head.x[:CORE]
+        winner, self._close_call, self.spread = top.hypothesis, False, np.zeros((CORE, CORE))
+        others = [trial for trial in ranked if apart(winner, trial.hypothesis, 1.0)]
+        chances = [np.exp(TEMPER * min(trial.log_odds - top.log_odds, 0.0)) for trial in others]
+        for chance, trial in zip(chances, others, strict=True):
+            gap = trial.hypothesis.head.x[:CORE] - winner.head.x[:CORE]
             self.spread += chance / (1.0 + sum(chances)) * np.outer(gap, gap)
-        self._close_call = any(-odds < CLOSE and apart(winner, h) for odds, h in others)
+            self._close_call |= trial.log_odds > top.log_odds - CLOSE and apart(winner, trial.hypothesis)
+
+    def _keep_rival(self, top: Trial, ranked: list[Trial]) -> None:
+        """The likeliest of the others lives on, if it is close and judges the rows differently.
+
+        It begins to where the states are apart, and goes on where they have met again: what was between is
+        not decided yet.
+        """
+        two = (self.best, self.rival.hypothesis) if self.rival is not None else ()
+        close = [
+            trial for trial in ranked
+            if trial.log_odds > top.log_odds - CLOSE and differ(top.hypothesis, trial.hypothesis)
+            and (apart(top.hypothesis, trial.hypothesis, 1.0) or any(trial.hypothesis is one for one in two))
+        ]  # fmt: skip
+        likeliest = max(close, key=lambda trial: trial.log_odds, default=None)
+        self.rival = likeliest and Trial(likeliest.prior - top.prior, likeliest.hypothesis)
 
     def _again(self, rows: Rows, weight: np.ndarray, *, annealed: bool) -> Hypothesis:
         """The same anchor, from other weights (k,)."""
@@ -239,6 +293,11 @@ class Bank:
             wide, most = 4.0 * known.P[both], np.diag(prior_covariance(model))[kept]
             shrink = np.sqrt(np.minimum(1.0, most / np.maximum(np.diag(wide), 1e-300)))
             P[both] = shrink[:, None] * wide * shrink  # never wider than the prior, and still a covariance
+
+
+def differ(a: Hypothesis, b: Hypothesis) -> bool:
+    """Whether two hypotheses about the same rows judge as many of them differently as make a patch."""
+    return bool(np.abs(a.own.weight - b.own.weight).sum() >= status.PATCH_ROWS)
 
 
 def apart(a: Hypothesis, b: Hypothesis, sigmas: float = APART) -> bool:

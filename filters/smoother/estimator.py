@@ -32,7 +32,6 @@ CELL_NS = 250_000_000  # data time between two re-decisions at the shortest lag
 CELLS_PER_LAG = 4
 SPARSE_ROWS = 60  # a window of fewer rows is tried for a start, and decided again, at every epoch
 SURPRISE_NS = 50_000_000  # re-decisions for a surprise are at least so far apart
-NEVER_NS = np.iinfo(np.int64).max
 
 
 class FixedLagSmoother:
@@ -148,7 +147,7 @@ class FixedLagSmoother:
             sparse = self._robust and buffer.done - buffer.decided < SPARSE_ROWS
             if sparse:
                 new = Rows(*(column[: _first_epoch(new)] for column in new))
-            quiet_ns = now.redecided_ns + SURPRISE_NS if self._robust else NEVER_NS
+            quiet_ns = now.redecided_ns + SURPRISE_NS if self._robust else gated.NEVER_NS
             parts.append(self._admit(new, quiet_ns))
             surprised = now.best.surprise > gated.SURPRISE and now.best.head.t_ns >= quiet_ns
             if surprised or sparse:
@@ -183,10 +182,12 @@ class FixedLagSmoother:
         count, k = now.best.admit(new, told, self._rule, quiet_ns)
         track = self._head_track(told, k)
         same = Rows(*(column[:count] for column in new))
+        now.banks[0].take_along(same, told, self._rule)
         apart: list[tuple[np.ndarray, np.ndarray] | None] = []
         for bank in now.banks[1:]:
             if bank.best is not None:
-                bank.best.admit(same, told, self._rule, NEVER_NS)
+                bank.take_along(same, told, self._rule)
+                bank.best.admit(same, told, self._rule, gated.NEVER_NS)
                 doubt = tracks.of_shift(told.x[:k], self._shift_variance)[:, :3, :3]
                 apart.append((told.x[:k, :3].copy(), told.P[:k, :3, :3] + doubt))
             else:

@@ -13,6 +13,7 @@ from filters.models.update import update
 from filters.models.update import weight as igg
 from filters.smoother.status import NEGLIGIBLE, PATCH_ROWS, filtered, log_good, log_gross
 
+NEVER_NS = np.iinfo(np.int64).max  # as a time from which on
 GATE = 3.5  # sigmas from which the order of simultaneous rows matters
 SURPRISE = 7.0  # lost log likelihood that asks for a re-decision at once: odds of a thousand
 MOST = 4.0  # … for which one row can be the cause: an outlier by itself is no reason

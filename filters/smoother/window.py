@@ -11,7 +11,7 @@ from filters.models.motion import CORE
 from filters.models.rows import TRACK
 from filters.models.settings import Settings
 from filters.smoother import gated, passes, start, status, tracks
-from filters.smoother.bank import Bank
+from filters.smoother.bank import PROOF_NS, Bank
 from filters.smoother.buffer import MeasurementBuffer, Rows, epochs
 from filters.smoother.hypothesis import Workspace
 from filters.smoother.snapshots import Progress, Reset
@@ -64,17 +64,18 @@ class Window:
         main = self.now.banks[0]
         head = main.best and main.best.head
         if head and not tracks.known(self.space.model, head.x[None], head.P[None], LOST_FACTOR)[0]:
-            main.best, main.reason = None, "known too poorly: begun again from the sensors"
+            main.forget()
+            main.reason = "known too poorly: begun again from the sensors"
         for bank in self.now.banks:
             if bank.best is not None and self._silent_too_long(bank, t_ns):
                 if bank is main:
                     dt = (t_ns - bank.best.head.t_ns) * 1e-9
                     bank.reason = f"nothing heard for {dt:.1f} s: begun again from the sensors"
                     self._decide(self.buffer.done - self.buffer.decided)
-                bank.best = None
+                bank.forget()
         if main.best is None:  # the others go on only beside it: their windows are the same rows
             for bank in self.now.banks[1:]:
-                bank.best = None
+                bank.forget()
 
     def _silent_too_long(self, bank: Bank, t_ns: int) -> bool:
         gap_ns, psd = t_ns - bank.best.head.t_ns, bank.best.usual_psd
@@ -94,21 +95,32 @@ class Window:
         buffer.judge(buffer.decided, own, verdict, reason)
 
     def redecide(self, cut: int) -> np.ndarray:
-        """Settle all banks, then decide the first ``cut`` rows; their smoothed track (k,) TRACK."""
+        """Settle all banks, then decide the first ``cut`` rows; their smoothed track (k,) TRACK.
+
+        While two explanations of the window are close nothing is decided, for PROOF_NS at most: later rows
+        may tell which is right.
+        """
         buffer, now = self.buffer, self.now
         rows, main = buffer.view(buffer.decided, buffer.done), now.banks[0]
         now.redecided_ns = int(rows.t[-1]) if len(rows.t) else now.redecided_ns
         self._take_turns(rows, due=cut > 0)
         if self.robust:
             without = [bank.best for bank in now.banks[1:] if bank.best is not None]
-            found, started = main.redecide(rows, cut, without)
+            found = main.redecide(rows, cut, without)
         else:
-            found, started = main.watch(rows, cut)
-        if started:
-            earlier = tuple(reset for reset in now.resets if reset.row < buffer.decided)  # one start a window
-            now.resets = (*earlier, Reset(buffer.decided, main.best.anchor.copy(), main.reason))
+            found = main.watch(rows, cut)
+        self._note_start()
         self.enter()
+        if cut and main.undecided and rows.t[cut - 1] - rows.t[0] < PROOF_NS:
+            return np.zeros(0, TRACK)
         return self._commit(rows, cut, found)
+
+    def _note_start(self) -> None:
+        """Enter the incumbent's start as a reset, instead of others that have decided nothing either."""
+        now, bank, decided = self.now, self.now.banks[0], self.buffer.decided
+        now.resets = tuple(reset for reset in now.resets if reset.row < decided)
+        if bank.best.young:
+            now.resets += (Reset(decided, bank.best.anchor.copy(), bank.reason),)
 
     def _take_turns(self, rows: Rows, *, due: bool) -> None:
         """The banks without a sensor look at the window now and then, and where they are surprised."""
@@ -143,7 +155,7 @@ class Window:
         seconds = (int(rows.t[cut - 1]) - now.best.anchor.t_ns) * 1e-9
         for bank in now.banks:
             if bank.best is not None:
-                bank.best.commit(rows, cut, found, seconds)
+                bank.commit(rows, cut, found, seconds)
                 bank.best.scale = now.best.scale
         buffer.decided += cut
         return left

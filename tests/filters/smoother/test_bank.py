@@ -120,7 +120,7 @@ def test_a_start_yields_to_a_better_one_until_it_has_explained_a_window():
         fresh.weight[:] = 1.0
         one.best.own = Outcome(*(np.concatenate(both) for both in zip(one.best.own, fresh, strict=True)))
         seen, part = end, Rows(*(column[:end] for column in rows))
-        found, _ = one.redecide(part, 0)
+        found = one.redecide(part, 0)
     assert one.best.young
     assert off(one, part)[1] < 3.0
     one.best.commit(part, seen // 2, found, 0.5)
@@ -195,8 +195,7 @@ def pull(acceleration, at_s):
 def test_no_challenge_when_all_is_well():
     one, rows = later([INS, A, B, RADAR])
     incumbent = one.best
-    _, started = one.redecide(rows, 0)
-    assert not started
+    one.redecide(rows, 0)
     assert one.best is incumbent
     assert incumbent.shortfall < bank.SHORTFALL
     assert not ambiguous(one)
@@ -210,8 +209,8 @@ def test_outliers_are_no_reason_to_begin_again():
 
     one, rows = later([INS, A, B, RADAR], spoil=spoil)
     anchor = one.best.anchor.t_ns
-    _, started = one.redecide(rows, 0)
-    assert not started
+    one.redecide(rows, 0)
+    assert not one.best.young
     assert one.best.anchor.t_ns == anchor
     assert off(one, rows)[1] < 1.0
 

@@ -5,42 +5,90 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from filters.smoother.bank import apart
+from filters.smoother.bank import CLOSE, Trial, apart, differ
 from tests.filters.smoother.test_bank import A, B, ambiguous, begun
 
 pytestmark = pytest.mark.decision
 
 
-def trial(at, sigma=1.0):
-    """A hypothesis, as far as doubt looks at it."""
+def hypothesis(at, sigma=1.0, log_evidence=0.0, refused=0):
+    """As far as doubt looks at it; ``refused`` of its ten rows."""
     return SimpleNamespace(
-        head=SimpleNamespace(x=np.append(np.array(at, float), np.zeros(6)), P=np.eye(9) * sigma**2)
+        head=SimpleNamespace(x=np.append(np.array(at, float), np.zeros(6)), P=np.eye(9) * sigma**2),
+        own=SimpleNamespace(weight=(np.arange(10) >= refused).astype(float)),
+        log_evidence=log_evidence,
     )
+
+
+def trial(at, log_evidence=0.0, prior=0.0, **more):
+    return Trial(prior, hypothesis(at, log_evidence=log_evidence, **more))
 
 
 def doubt(*ranked):
     one, _, _ = begun([A, B])
-    one._doubt(ranked[0][1], ranked[0][0], list(ranked))
+    one._doubt(ranked[0], list(ranked))
     return one
 
 
+def rival(*ranked, before=None):
+    """Who is kept beside the first of ``ranked``; ``before`` are the incumbent and its rival till then."""
+    one, _, _ = begun([A, B])
+    if before:
+        one.best, one.rival = before[0].hypothesis, before[1]
+    one._keep_rival(ranked[0], list(ranked))
+    return one.rival
+
+
 def test_apart_is_by_both_sigmas():
-    assert not apart(trial((0, 0, 0)), trial((4.0, 0, 0)))
-    assert apart(trial((0, 0, 0)), trial((4.5, 0, 0)))
-    assert not apart(trial((0, 0, 0)), trial((4.5, 0, 0), sigma=2.0))
+    assert not apart(hypothesis((0, 0, 0)), hypothesis((4.0, 0, 0)))
+    assert apart(hypothesis((0, 0, 0)), hypothesis((4.5, 0, 0)))
+    assert not apart(hypothesis((0, 0, 0)), hypothesis((4.5, 0, 0), sigma=2.0))
 
 
 def test_an_unlikely_or_a_near_hypothesis_leaves_no_doubt():
-    assert not ambiguous(doubt((0.0, trial((0, 0, 0))), (-1.0, trial((1, 0, 0)))))
-    far = doubt((0.0, trial((0, 0, 0))), (-200.0, trial((100, 0, 0))))
+    assert not ambiguous(doubt(trial((0, 0, 0), 0.0), trial((1, 0, 0), -1.0)))
+    far = doubt(trial((0, 0, 0), 0.0), trial((100, 0, 0), -200.0))
     assert not ambiguous(far)
     assert far.spread[0, 0] < 1e-6
 
 
 def test_a_likely_one_elsewhere_leaves_its_spread():
-    one = doubt((0.0, trial((0, 0, 0))), (0.0, trial((100, 0, 0))))
+    one = doubt(trial((0, 0, 0), 0.0), trial((100, 0, 0), 0.0))
     assert ambiguous(one)
     assert one.spread[0, 0] == pytest.approx(0.5 * 100.0**2)  # Σ chance · gap²
     assert not one.spread[1:, 1:].any()
-    less = doubt((0.0, trial((0, 0, 0))), (-5.0, trial((100, 0, 0))))
+    less = doubt(trial((0, 0, 0), 0.0), trial((100, 0, 0), -5.0))
     assert 0 < less.spread[0, 0] < one.spread[0, 0]
+
+
+def test_hypotheses_differ_that_judge_a_patch_of_rows_differently():
+    assert not differ(hypothesis((0, 0, 0)), hypothesis((9, 0, 0), refused=2))
+    assert differ(hypothesis((0, 0, 0)), hypothesis((0, 0, 0), refused=3))
+
+
+def test_a_close_one_elsewhere_that_judges_differently_lives_on():
+    here, there = trial((0, 0, 0)), trial((9, 0, 0), -3.0, refused=4)
+    assert rival(here, there).hypothesis is there.hypothesis
+    assert rival(here) is None
+    assert rival(here, trial((9, 0, 0), -3.0)) is None  # the same judgement
+    assert rival(here, trial((1, 0, 0), -3.0, refused=4)) is None  # the same place
+    assert rival(here, trial((9, 0, 0), -CLOSE - 1.0, refused=4)) is None  # hardly possible
+
+
+def test_of_several_the_likeliest_lives_on():
+    less, more = trial((9, 0, 0), -3.0, refused=4), trial((0, 9, 0), -2.0, refused=5)
+    assert rival(trial((0, 0, 0)), less, more).hypothesis is more.hypothesis
+
+
+def test_a_rival_goes_on_where_the_states_have_met_again():
+    here, there = trial((0, 0, 0)), trial((0.5, 0, 0), -3.0, refused=4)
+    assert rival(here, there) is None
+    assert rival(here, there, before=(here, there)).hypothesis is there.hypothesis
+    assert rival(there, here, before=(here, there)).hypothesis is here.hypothesis  # it has won meanwhile
+
+
+def test_prior_odds_are_kept_whoever_wins():
+    """A start that wins is the rarer one of the two for good."""
+    old, new = trial((0, 0, 0)), trial((9, 0, 0), 8.0, prior=-5.0, refused=4)
+    assert rival(new, old).prior == 5.0
+    assert rival(old, trial((9, 0, 0), 4.0, prior=-5.0, refused=4)).prior == -5.0

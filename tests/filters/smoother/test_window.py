@@ -1,0 +1,78 @@
+"""The window waits while two explanations are close, and no longer than that helps."""
+
+import numpy as np
+import pytest
+
+from filters import methods
+from filters.smoother import bank
+from filters.smoother.bank import PROOF_NS, Bank, Trial
+from tests.filters.smoother.kit import small
+from tests.filters.smoother.kit.flights import SENSORS, finals
+
+pytestmark = pytest.mark.decision
+LAG_NS, CELL_NS = 1_000_000_000, 250_000_000
+
+
+def flown(seconds=8.0):
+    """(oldest row that is not decided yet at the end of each step, age in ns; all verdicts)."""
+    rows = small.fly(SENSORS, seconds)
+    one, ages, verdicts = methods.make("default", SENSORS), [], []
+    for part in np.array_split(rows, 40):
+        verdicts.append(one.step(part)[2])
+        buffer = one._buffer
+        left = buffer.view(buffer.decided, buffer.done).t
+        ages.append(left[-1] - left[0])
+    return np.array(ages), np.concatenate([*verdicts, one.finish()[2]])
+
+
+def test_all_is_decided_one_lag_later():
+    ages, _ = flown()
+    assert ages.max() <= LAG_NS + 2 * CELL_NS
+
+
+def test_nothing_is_decided_while_two_are_close_and_all_is_in_the_end(monkeypatch):
+    monkeypatch.setattr(Bank, "undecided", property(lambda self: True))
+    ages, verdicts = flown()
+    assert PROOF_NS <= ages.max() <= LAG_NS + PROOF_NS + 2 * CELL_NS
+    assert len(finals(verdicts)) == len(small.fly(SENSORS, 8.0))
+
+
+def test_where_neither_explains_the_window_waiting_does_not_help():
+    one = methods.make("default", SENSORS)
+    one.step(small.fly(SENSORS, 3.0))
+    main = one._window.now.banks[0]
+    assert not main.undecided
+    main.rival = Trial(0.0, main.best.copy())
+    main.best.shortfall = 0.0
+    assert main.undecided
+    main.best.shortfall = bank.WRONG
+    assert not main.undecided
+
+
+def test_a_rival_sees_the_same_rows_and_ends_where_they_are_decided():
+    one = methods.make("default", SENSORS)
+    rows = small.fly(SENSORS, 4.0)
+    before = rows["t_ns"] < 3_100_000_000
+    one.step(rows[before])
+    main = one._window.now.banks[0]
+    main.rival = Trial(0.0, main.best.copy())
+    same = (rows["t_ns"] >= 3_100_000_000) & (rows["t_ns"] < 3_200_000_000)
+    one.step(rows[same])
+    assert len(main.rival.hypothesis.own.weight) == len(main.best.own.weight)
+    assert main.rival.hypothesis.head.t_ns == main.best.head.t_ns
+    one.step(rows[rows["t_ns"] >= 3_200_000_000])
+    assert main.rival is None
+
+
+def test_a_copy_of_a_bank_has_a_rival_of_its_own():
+    one = methods.make("default", SENSORS)
+    one.step(small.fly(SENSORS, 3.0))
+    main = one._window.now.banks[0]
+    main.rival = Trial(-1.0, main.best.copy())
+    other = main.copy()
+    assert other.rival.prior == -1.0
+    other.rival.hypothesis.own.weight[:] = 0.0
+    assert main.rival.hypothesis.own.weight.any()
+    other.forget()
+    assert other.rival is None
+    assert main.rival is not None
