@@ -22,6 +22,20 @@ def update(x, P, m, v, S):
 
 
 @exact
+def spread(P, m, v, S, w):
+    """Add to ``P``, in place, what it is to be unsure whether an innovation counts: with probability ``w``.
+
+    The states with it and without it are K v apart, K = m / S: w (1 − w) K v vᵀ Kᵀ, the spread of the
+    innovations in probabilistic data association (Bar-Shalom & Tse 1975).
+    """
+    n = m.size
+    e = np.sqrt(w * (1.0 - w)) * v / S
+    for i in range(n):
+        for j in range(n):
+            P[i, j] += (m[i] * e) * (m[j] * e)
+
+
+@exact
 def weight(u, soft, hard):
     """IGG-III weight, 0 … 1, of a value ``u`` sigmas off."""
     u = abs(u)

@@ -9,7 +9,7 @@ from filters.models.motion import CORE, predict
 from filters.models.rows import AE, RANGE_RATE
 from filters.models.runs import CHANCE
 from filters.models.state import predict_row
-from filters.models.update import update
+from filters.models.update import spread, update
 from filters.models.update import weight as igg
 from filters.smoother.status import NEGLIGIBLE, PATCH_ROWS, filtered, log_good, log_gross
 
@@ -97,6 +97,8 @@ def admit(
                     update(x, P, out.m[0], v, (variance + noise) / w)
                 else:
                     update(x, P, out.m[0], v, variance + noise / w)
+                    if rule.kind == STATUS:
+                        spread(P, out.m[0], v, variance + noise, w)
                 fixed |= c < AE and c != RANGE_RATE
         to.t[epoch], to.fixed[epoch] = t_ns, fixed
         to.x[epoch], to.P[epoch] = x, P[:CORE, :CORE]

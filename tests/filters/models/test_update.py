@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from filters.models.update import update, weight
+from filters.models.update import spread, update, weight
 
 pytestmark = pytest.mark.decision
 
@@ -38,6 +38,19 @@ def test_a_value_without_weight_changes_nothing():
     update(x, P, np.ones(3), 5.0, np.inf)
     assert np.array_equal(x, np.ones(3))
     assert np.array_equal(P, np.eye(3))
+
+
+@pytest.mark.parametrize("w", [0.0, 0.2, 0.5, 1.0])
+def test_the_spread_of_an_innovation_is_that_of_a_mixture(w):
+    """Of two states, with and without the row, about their mean."""
+    rng = np.random.default_rng(3)
+    P, m, v, S = np.eye(4), rng.normal(size=4), 3.0, 2.5
+    moved = m / S * v
+    about = w * moved
+    expected = w * np.outer(moved - about, moved - about) + (1 - w) * np.outer(about, about)
+    spread(P, m, v, S, w)
+    assert np.allclose(P - np.eye(4), expected)
+    assert np.array_equal(P, P.T)
 
 
 @pytest.mark.parametrize(

@@ -142,6 +142,20 @@ def test_by_status_the_weight_is_the_filtered_probability():
     assert memory[0, E] == pytest.approx(other)
 
 
+def test_by_status_a_doubtful_row_leaves_its_spread():
+    """One row of one state: R/w, and beside it w (1 − w) (K v)²."""
+    model = several(1)
+    x, P = start(model, 3.0)
+    b = P[0, 0] + model.prior[model.bias_at[0, E]]
+    P0, R = P[0, 0], 0.25
+    rows = small.as_rows([(0.0, 0, E, 3.7 * np.sqrt(b + R))], model)
+    *_, own, _ = admit(model, rows, x, P)
+    w, v = float(own.weight[0]), rows.value[0]
+    assert 0.1 < w < 0.9
+    left = P0 - P0**2 / (b + R / w)
+    assert P[0, 0] == pytest.approx(left + w * (1 - w) * (P0 / (b + R) * v) ** 2, rel=1e-6)
+
+
 def surprising(model, at, size=60.0, count=12):
     rows = [row for k in range(count) for row in east(model, [0.0] * 4, 0.1 * k)]
     return small.as_rows(
