@@ -13,6 +13,7 @@ import numpy as np
 
 from filters.models import motion
 from filters.models.rows import AE, CHANNELS, VE
+from filters.smoother.buffer import Outcome, Rows
 from filters.smoother.passes import Scores
 
 MOTION_SIGMA = 1.5  # of log density about the usual one: 95 % within a factor of twenty
@@ -23,6 +24,7 @@ MOTION_STEP = 1.2  # largest change of log density in one pass
 NOISE_SIGMA = 0.5  # of the prior of log variance: stated sigmas are right within a factor of 1.6
 INS_NOISE_SIGMA = 3.0  # velocities and accelerations of an INS: vibration, which nobody states
 NOISE_MEMORY_S = 10.0
+CLIPPED = 3.0  # sigmas that a refused value counts for in its channel's noise
 LOWEST, HIGHEST = np.log(0.25), np.log(1e3)  # of the variance over the stated one
 
 
@@ -89,16 +91,31 @@ def missing(p: np.ndarray) -> np.ndarray:
     return 0.285 * p**0.76
 
 
-def follow_noise(
-    known: np.ndarray, prior: np.ndarray, scores: Scores, chance: np.ndarray, seconds: float
-) -> np.ndarray:
-    """(2, s, 13) as `noise_prior` after ``seconds`` more of decided rows; ``chance`` (s, 13) of outliers."""
+def noise_scores(rows: Rows, own: Outcome, chance: np.ndarray, is_ins: np.ndarray) -> np.ndarray:
+    """(2, s, 13) slope and expected information of the log likelihood by each channel's log variance.
+
+    ``rows`` have been judged: each counts by its probability of being good, which its own residual has told,
+    so that none counts for more than a few sigmas. ``chance`` (s, 13) of an outlier in a channel.
+    """
+    where, square = (rows.sensor, rows.channel), (own.residual / own.sigma) ** 2
+    share = own.noise / own.sigma**2  # of the residual's variance
+    slope = 0.5 * own.weight * share * (square - 1.0 + missing(chance[where]))
+    information = 0.5 * own.weight * share**2
+    # Vibration is noise that nobody stated: what is refused for it tells how large it is.
+    shaken = (own.weight == 0.0) & is_ins[rows.sensor] & (rows.channel >= VE)
+    slope[shaken] = 0.5 * (np.minimum(square[shaken], CLIPPED**2) - 1.0)
+    information[shaken] = 0.5
+    out = np.zeros((2, *chance.shape))
+    np.add.at(out[0], where, slope)
+    np.add.at(out[1], where, information)
+    return out
+
+
+def follow_noise(known: np.ndarray, prior: np.ndarray, seen: np.ndarray, seconds: float) -> np.ndarray:
+    """(2, s, 13) as `noise_prior` after ``seconds`` more of decided rows, scored in ``seen`` (2, s, 13)."""
     keep = np.exp(-seconds / NOISE_MEMORY_S)
-    information = prior[1] + keep * (known[1] - prior[1])
-    mean = keep * known[1] * known[0] / information  # the prior's own mean is 0
-    slope, more, counted = scores.noise
-    slope = slope + missing(chance) * counted
-    heard = more > 0.0
-    information = information + more
-    mean = np.where(heard, mean + slope / information, mean)
+    slope, more = seen
+    before = prior[1] + keep * (known[1] - prior[1])
+    information = before + more
+    mean = keep * known[1] * known[0] / before + slope / information  # the prior's own mean is 0
     return np.stack([np.clip(mean, LOWEST, HIGHEST), information])

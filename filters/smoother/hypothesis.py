@@ -149,7 +149,7 @@ class Hypothesis:
         space, model = self.space, self.space.model
         out = space.room(len(rows.t), keep)
         x, P = self.anchor.x.copy(), self.anchor.P.copy()
-        densities, found = self.densities(), passes.scores(*model.variance.shape)
+        densities, found = self.densities(), passes.scores()
         t_ns = passes.forward(model, rows, self.own, densities, x, P, self.anchor.t_ns, keep, out, space.work)
         space.r[:], space.N[:] = 0.0, 0.0
         passes.backward(model, rows, self.own, densities, keep, out, space.r, space.N, found, space.work)
@@ -174,8 +174,8 @@ class Hypothesis:
         status.advance(left, own, memory)
         self.anchor, self.young = Moment(int(t_ns), x, P, memory), False
         self.own = Outcome(*(column[cut:].copy() for column in self.own))
-        chance = memory[..., runs.CHANCE]
-        self.scale = adaptation.follow_noise(self.scale, space.prior_noise, found, chance, seconds)
+        seen = adaptation.noise_scores(left, own, memory[..., runs.CHANCE], model.is_ins)
+        self.scale = adaptation.follow_noise(self.scale, space.prior_noise, seen, seconds)
         self.motion = adaptation.follow_motion(
             self.motion, space.prior_motion, self.densities(), found, seconds
         )

@@ -13,12 +13,9 @@ import numpy as np
 
 from filters.models.kernel import kernel
 from filters.models.motion import CORE, drift, predict, pull_back, score
-from filters.models.rows import VE
 from filters.models.runs import FRESH
 from filters.models.state import SLOTS, predict_row
 from filters.models.update import update
-
-CLIPPED = 3.0  # sigmas that a refused value counts for in its channel's noise
 
 
 class Trace(NamedTuple):
@@ -38,11 +35,10 @@ class Trace(NamedTuple):
 
 
 class Scores(NamedTuple):
-    """Slope and expected information of the log likelihood by the logarithm of each density and noise."""
+    """Slope and expected information of the log likelihood by the logarithm of each density."""
 
     kept: np.ndarray  # (2, 2, 4) of motion.PSD, by the kept rows of each regime
     rest: np.ndarray  # (2, 4) the same by the other rows of regime 0
-    noise: np.ndarray  # (3, s, 13) of each channel's variance; and by how much the slope counts on u² = 1
 
 
 def trace(rows: int, n: int, keep: int) -> Trace:
@@ -63,9 +59,9 @@ def trace(rows: int, n: int, keep: int) -> Trace:
     )
 
 
-def scores(sensors: int, channels: int) -> Scores:
+def scores() -> Scores:
     """All zero."""
-    return Scores(np.zeros((2, 2, 4)), np.zeros((2, 4)), np.zeros((3, sensors, channels)))
+    return Scores(np.zeros((2, 2, 4)), np.zeros((2, 4)))
 
 
 @kernel
@@ -133,7 +129,7 @@ def backward(model, rows, own, densities, keep, out, r, N, found, work):
     """Hold every row against all others; ``r`` (n,), ``N`` (n, n) say what came after, in place.
 
     Fills ``own.residual`` and ``own.sigma``, smooths the states that ``out`` keeps, and adds up in ``found``
-    the `Scores`, those of the noise for the first ``keep`` rows. ``work``: `scratch`.
+    the `Scores`. ``work``: `scratch`.
     """
     n, Nm = r.size, work[0]
     for k in range(rows.t.size - 1, -1, -1):
@@ -155,20 +151,10 @@ def backward(model, rows, own, densities, keep, out, r, N, found, work):
             D = 1.0 / S + mNm / (S * S)
             own.residual[k] = e / D
             own.sigma[k] = np.sqrt(max(1.0 / D - spare, own.noise[k]))
-            if k < keep:
-                s, c = rows.sensor[k], rows.channel[k]
-                found.noise[0, s, c] += 0.5 * own.weight[k] * noise * (e * e - D)
-                found.noise[1, s, c] += 0.5 * own.weight[k] * (noise * D) ** 2
-                found.noise[2, s, c] += 0.5 * own.weight[k] * noise * D
             _condense(out.index, out.gain, out.count[k], k, e, D, S, r, N, Nm, work[1])
         else:
             own.residual[k] = v - mr
             own.sigma[k] = np.sqrt(max(S - mNm, own.noise[k]))
-            if k < keep and model.is_ins[rows.sensor[k]] and rows.channel[k] >= VE:
-                # Vibration is noise that nobody stated: what is refused for it tells how large it is.
-                u = min(abs(own.residual[k]) / own.sigma[k], CLIPPED)
-                found.noise[0, rows.sensor[k], rows.channel[k]] += 0.5 * (u * u - 1.0)
-                found.noise[1, rows.sensor[k], rows.channel[k]] += 0.5
         if k == 0 or rows.t[k] != rows.t[k - 1]:
             if k < keep:
                 _smooth(out.x[k], out.P[k], r, N, work[1:])

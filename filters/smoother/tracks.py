@@ -63,7 +63,7 @@ def smooth(
     """
     model, n, end = space.model, len(space.model.prior), buffer.size
     r, N = np.zeros(n), np.zeros((n, n))
-    unused = passes.scores(*model.variance.shape)
+    unused = passes.scores()
     for begin in sorted(starts, reverse=True):
         at, fresh = starts[begin]
         if begin >= end:

@@ -5,7 +5,7 @@ import pytest
 
 from filters.models import motion, state
 from filters.models.rows import VE, E
-from filters.smoother import adaptation, passes, status
+from filters.smoother import adaptation, status
 from filters.smoother.passes import Scores
 from tests.filters.smoother.kit import small
 from tests.filters.smoother.test_passes import both
@@ -13,13 +13,14 @@ from tests.filters.smoother.test_passes import both
 PRIOR = motion.PSD
 IS_INS = np.array([True, False])
 CLEAN = np.zeros((2, 13))  # chances of an outlier
+NOTHING = np.zeros((2, 2, 13))  # scores of no row
+MODEL = state.build([small.ins(), small.radar()])
 
 
-def scores(slope=0.0, information=0.0, noise_slope=0.0, noise_information=0.0, counted=0.0):
+def scores(slope=0.0, information=0.0):
     return Scores(
         np.stack([np.stack([np.full(4, float(slope)), np.full(4, float(information))]), np.zeros((2, 4))]),
         np.zeros((2, 4)),
-        np.stack([np.full((2, 13), float(x)) for x in (noise_slope, noise_information, counted)]),
     )
 
 
@@ -151,17 +152,24 @@ def test_before_the_first_row_the_noise_is_as_stated():
     assert (prior[1, 0, VE:] < prior[1, 0, E]).all()  # nobody states the vibration
 
 
+def judged(residual, noise, weight=1.0, sensor=1, channel=0):
+    """(rows, outcome) of values of one channel whose prediction is known without error."""
+    count = len(residual)
+    rows = small.as_rows([(0.1 * k, sensor, channel, 0.0) for k in range(count)], MODEL)
+    own = small.fresh(rows)
+    own.residual[:], own.noise[:], own.sigma[:], own.weight[:] = residual, noise, np.sqrt(noise), weight
+    return rows, own
+
+
 def learn(variance, rows_per_second=20, seconds=60, seed=0):
-    """Log scale of a range whose residuals have ``variance`` times the stated one, known from elsewhere."""
+    """Log scale of a range whose residuals have ``variance`` times the stated one."""
     rng, prior = np.random.default_rng(seed), adaptation.noise_prior(IS_INS)
     known = prior
     for _ in range(seconds):
-        noise = np.exp(known[0, 1, 0])
         residual = rng.normal(scale=np.sqrt(variance), size=rows_per_second)
-        found = passes.scores(2, 13)
-        found.noise[0, 1, 0] = 0.5 * (residual**2 / noise - 1.0).sum()  # of ½ log N(r; 0, R) by log R
-        found.noise[1, 1, 0] = 0.5 * rows_per_second
-        known = adaptation.follow_noise(known, prior, found, CLEAN, 1.0)
+        rows, own = judged(residual, np.exp(known[0, 1, 0]))
+        seen = adaptation.noise_scores(rows, own, CLEAN, IS_INS)
+        known = adaptation.follow_noise(known, prior, seen, 1.0)
     return known
 
 
@@ -183,20 +191,18 @@ def test_unheard_noise_goes_back_to_its_prior():
     known, prior = learn(9.0), adaptation.noise_prior(IS_INS)
     before = np.abs(known[0]).copy()
     for _ in range(4):
-        known = adaptation.follow_noise(known, prior, passes.scores(2, 13), CLEAN, 10.0)
+        known = adaptation.follow_noise(known, prior, NOTHING, 10.0)
         assert (np.abs(known[0]) <= before).all()
         before = np.abs(known[0])
-    long_after = adaptation.follow_noise(known, prior, passes.scores(2, 13), CLEAN, 1e4)
+    long_after = adaptation.follow_noise(known, prior, NOTHING, 1e4)
     assert np.allclose(long_after[0], 0.0, atol=1e-9)
     assert np.allclose(long_after[1], prior[1])
 
 
 def test_memory_is_of_data_time_not_of_calls():
-    known, prior, none = learn(9.0), adaptation.noise_prior(IS_INS), passes.scores(2, 13)
-    once = adaptation.follow_noise(known, prior, none, CLEAN, 8.0)
-    twice = adaptation.follow_noise(
-        adaptation.follow_noise(known, prior, none, CLEAN, 3.0), prior, none, CLEAN, 5.0
-    )
+    known, prior = learn(9.0), adaptation.noise_prior(IS_INS)
+    once = adaptation.follow_noise(known, prior, NOTHING, 8.0)
+    twice = adaptation.follow_noise(adaptation.follow_noise(known, prior, NOTHING, 3.0), prior, NOTHING, 5.0)
     assert np.allclose(once, twice)
 
 
@@ -204,7 +210,8 @@ def test_what_is_learned_is_the_weighted_mean_of_prior_and_data():
     """One quadratic log likelihood of middle μ and information I: posterior μ I / (I + prior's)."""
     prior = adaptation.noise_prior(IS_INS)
     middle, information = 0.8, 7.0
-    known = adaptation.follow_noise(prior, prior, scores(0, 0, middle * information, information), CLEAN, 0.0)
+    seen = np.stack([np.full((2, 13), middle * information), np.full((2, 13), information)])
+    known = adaptation.follow_noise(prior, prior, seen, 0.0)
     assert np.allclose(known[0], middle * information / (information + prior[1]))
     assert np.allclose(known[1], information + prior[1])
 
@@ -225,8 +232,46 @@ def test_what_is_missing_of_good_rows_is_that_of_the_integral(p):
 
 def test_noise_is_not_learned_too_small_where_the_large_residuals_count_for_outliers():
     """Good rows as stated in a channel with many outliers: they lose some of their own."""
-    prior, chance = adaptation.noise_prior(IS_INS), np.full((2, 13), 0.15)
-    seen = kept_of_good_rows(0.15)
-    found = scores(0.0, 0.0, 250.0 * (seen - 1.0), 250.0, 250.0)
-    assert adaptation.follow_noise(prior, prior, found, chance, 1.0)[0, 1, 0] == pytest.approx(0.0, abs=0.003)
-    assert adaptation.follow_noise(prior, prior, found, CLEAN, 1.0)[0, 1, 0] < -0.06
+    prior, chance, u = adaptation.noise_prior(IS_INS), np.full((2, 13), 0.15), np.linspace(-4.0, 4.0, 801)
+    good, gross = np.exp(-0.5 * u * u) / np.sqrt(2 * np.pi), status.WIDTH / np.pi / (status.WIDTH**2 + u * u)
+    residual = np.repeat(u, np.round(200 * good).astype(int))
+    weight = np.repeat(0.85 * good / (0.85 * good + 0.15 * gross), np.round(200 * good).astype(int))
+    rows, own = judged(residual, 1.0, weight)
+
+    def learned(chance):
+        seen = adaptation.noise_scores(rows, own, chance, IS_INS)
+        return adaptation.follow_noise(prior, prior, seen, 1.0)[0, 1, 0]
+
+    assert learned(chance) == pytest.approx(0.0, abs=0.01)
+    assert learned(CLEAN) < -0.06
+
+
+def test_a_gross_error_that_is_hardly_good_hardly_counts():
+    """What the window has found to be wrong does not widen the noise, however large it is."""
+    residual, weight = np.append(np.zeros(40), 2000.0), np.append(np.ones(40), 0.0)
+    seen = adaptation.noise_scores(*judged(residual, 1.0, weight), CLEAN, IS_INS)
+    assert seen[0, 1, 0] == -20.0
+
+
+def test_a_refused_vibration_of_an_ins_counts_as_a_large_one():
+    rows, own = judged(np.array([2.0, 40.0]), 1.0, 0.0, sensor=0, channel=VE)
+    seen = adaptation.noise_scores(rows, own, CLEAN, IS_INS)
+    assert seen[:, 0, VE].tolist() == [0.5 * (4.0 - 1.0) + 0.5 * (adaptation.CLIPPED**2 - 1.0), 1.0]
+    rows, own = judged(np.array([2.0, 40.0]), 1.0, 0.0, sensor=0, channel=E)
+    assert not adaptation.noise_scores(rows, own, CLEAN, IS_INS).any()
+
+
+def test_the_slope_by_the_noise_is_that_of_the_log_likelihood():
+    """Of all rows together; and there is never more information than Fisher's."""
+    model, rows, x, P, H = small.linear_case(4)
+    own, *_ = both(model, rows, x, P, 1.0)
+    seen = adaptation.noise_scores(rows, own, np.zeros(model.variance.shape), model.is_ins)
+    dense, h = small.Dense(model, rows, x, P, small.PSD, H), 1e-3
+    for c in np.unique(rows.channel):
+        mine = rows.channel == c
+        noises = [own.noise * np.exp(sign * h * mine) for sign in (1, -1)]
+        up, down = (dense.log_density(noise) for noise in noises)
+        assert seen[0, 0, c] == pytest.approx((up - down) / (2 * h), abs=2e-5)
+        S, moved = dense.rows(own.noise)[1], np.subtract(*(dense.rows(noise)[1] for noise in noises))
+        A = np.linalg.solve(S, moved / (2 * h))
+        assert 0.0 < seen[1, 0, c] <= 0.5 * np.trace(A @ A) * (1 + 1e-6)

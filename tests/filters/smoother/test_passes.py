@@ -28,7 +28,7 @@ def both(model, rows, x, P, weight, psd=small.PSD, noise=None, keep=None):
         own.noise[:] = noise
     n, k = len(x), len(rows.t)
     keep = k if keep is None else keep
-    out, found = passes.trace(k, n, k), passes.scores(*model.variance.shape)
+    out, found = passes.trace(k, n, k), passes.scores()
     work, r, N = state.scratch(n), np.zeros(n), np.zeros((n, n))
     densities = np.array([psd])
     head_x, head_P = x.copy(), P.copy()
@@ -95,7 +95,7 @@ def test_deletion_residuals_and_smoothed_states_after_a_start(prior_m):
     assert out.P[0][0, 0] == pytest.approx(place, rel=1e-3)
 
 
-def test_only_the_kept_rows_states_are_smoothed_and_their_noise_scored():
+def test_only_the_kept_rows_states_are_smoothed():
     model, rows, x, P, _ = small.linear_case(2)
     whole = both(model, rows, x, P, 1.0)
     some = both(model, rows, x, P, 1.0, keep=8)
@@ -103,7 +103,6 @@ def test_only_the_kept_rows_states_are_smoothed_and_their_noise_scored():
     assert not some[1].x[8:].any()
     assert np.array_equal(whole[0].residual, some[0].residual)
     first = both(model, rows, x, P, 1.0, keep=0)
-    assert not first[2].noise.any()
     assert not first[2].kept.any()
     for found in (some[2], whole[2]):
         assert np.allclose(found.kept[0] + found.rest, first[2].rest, rtol=1e-12)
@@ -129,43 +128,13 @@ def test_kept_rows_speak_of_the_densities_of_their_own_regime():
     calm = both(model, rows, x, P, 1.0, keep=k)[2]
     own = small.fresh(rows)
     own.regime[: k // 2] = 1
-    out, found = passes.trace(k, n, k), passes.scores(*model.variance.shape)
+    out, found = passes.trace(k, n, k), passes.scores()
     work, twice = state.scratch(n), np.array([small.PSD, small.PSD])
     passes.forward(model, rows, own, twice, x.copy(), P.copy(), int(rows.t[0]), k, out, work)
     passes.backward(model, rows, own, twice, k, out, np.zeros(n), np.zeros((n, n)), found, work)
     assert found.kept[:, 1].all()
     assert np.allclose(found.kept.sum(axis=0), calm.kept[0], rtol=1e-9)
     assert not found.rest.any()
-
-
-def test_the_slope_by_the_noise_is_that_of_the_log_likelihood():
-    model, rows, x, P, H = small.linear_case(4)
-    own, _, found, *_ = both(model, rows, x, P, 1.0)
-    dense, h = small.Dense(model, rows, x, P, small.PSD, H), 1e-4
-    for c in np.unique(rows.channel):
-        mine = rows.channel == c
-        up, down = (dense.log_density(own.noise * np.exp(sign * h * mine)) for sign in (1, -1))
-        assert found.noise[0, 0, c] == pytest.approx((up - down) / (2 * h), abs=2e-5)
-
-
-def test_the_slope_by_the_noise_counts_on_residuals_of_their_own_size():
-    """Were every u² larger by a share, the slope would be so by that share of what is counted on."""
-    model, rows, x, P, _ = small.linear_case(4)
-    own, _, found, *_ = both(model, rows, x, P, 1.0)
-    for c in np.unique(rows.channel):
-        mine = rows.channel == c
-        share = own.noise[mine] / own.sigma[mine] ** 2
-        u2 = (own.residual[mine] / own.sigma[mine]) ** 2
-        assert found.noise[2, 0, c] == pytest.approx(0.5 * share.sum())
-        assert found.noise[0, 0, c] == pytest.approx(0.5 * (share * (u2 - 1.0)).sum())
-
-
-def test_refused_rows_say_nothing_of_the_noise():
-    model, rows, x, P, _ = small.linear_case(4)
-    refused = rows.channel == rows.channel[0]
-    _, _, found, *_ = both(model, rows, x, P, np.where(refused, 0.0, 1.0))
-    assert not found.noise[:, 0, rows.channel[0]].any()
-    assert (found.noise[1, 0, np.unique(rows.channel[~refused])] > 0).all()
 
 
 def test_expected_information_is_positive_and_never_more_than_fishers():
@@ -186,10 +155,6 @@ def test_expected_information_is_positive_and_never_more_than_fishers():
         one = h * np.eye(4)[j]
         full = fisher(*(covariance(small.PSD * np.exp(one * sign), own.noise) for sign in (1, -1)))
         assert 0.0 < found.kept[0, 1, j] <= full * (1 + 1e-6)
-    for c in np.unique(rows.channel):
-        mine = rows.channel == c
-        full = fisher(*(covariance(small.PSD, own.noise * np.exp(sign * h * mine)) for sign in (1, -1)))
-        assert 0.0 < found.noise[1, 0, c] <= full * (1 + 1e-6)
 
 
 def test_what_has_moved_a_prediction_is_what_others_said_since():
