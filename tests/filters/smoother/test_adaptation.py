@@ -262,7 +262,7 @@ def test_a_refused_vibration_of_an_ins_counts_as_a_large_one():
 
 
 def test_the_slope_by_the_noise_is_that_of_the_log_likelihood():
-    """Of all rows together; and there is never more information than Fisher's."""
+    """Of all rows together. Information is never more than Fisher's."""
     model, rows, x, P, H = small.linear_case(4)
     own, *_ = both(model, rows, x, P, 1.0)
     seen = adaptation.noise_scores(rows, own, np.zeros(model.variance.shape), model.is_ins)
