@@ -17,7 +17,7 @@ NEVER_NS = np.iinfo(np.int64).max  # as a time from which on
 GATE = 3.5  # sigmas from which the order of simultaneous rows matters
 SURPRISE = 7.0  # lost log likelihood that asks for a re-decision at once: odds of a thousand
 MOST = 4.0  # … for which one row can be the cause: an outlier by itself is no reason
-FADE = 0.8  # of the surprise from epoch to epoch
+FADE = 0.9  # of the surprise from epoch to epoch
 
 
 class Rule(NamedTuple):
