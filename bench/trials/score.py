@@ -57,7 +57,8 @@ def grid(flight: Flight, track: np.ndarray, settle_s: float = SETTLE_S) -> np.nd
 def errors(flight: Flight, track: np.ndarray, t_ns: np.ndarray, causal: bool, axes: int = 3):
     """((k,) m, (k, a) m, (k, a, a) m², (k,) index) of the state at ``t_ns``: moved on, never from the future.
 
-    Not ``causal``: the nearest state, before or after. ``axes``: a, how many count.
+    Not ``causal``: the nearest state, before or after. ``axes``: a, how many count. Its covariance is moved
+    on like it; what the target may do meanwhile, nobody who has the state knows.
     """
     k = np.clip(np.searchsorted(track["t_ns"], t_ns, side="right") - 1, 0, len(track) - 1)
     if not causal:
@@ -66,7 +67,8 @@ def errors(flight: Flight, track: np.ndarray, t_ns: np.ndarray, causal: bool, ax
         k = np.where(nearer, after, k)
     age_s, x = ((t_ns - track["t_ns"][k]) * 1e-9)[:, None], track["x"][k]
     off = x[:, :3] + age_s * (x[:, 3:6] + age_s / 2 * x[:, 6:9]) - at(flight, t_ns)[0]
-    off, P = off[:, :axes], track["P"][k, :axes, :axes].copy()
+    moves = np.concatenate([np.eye(3)[None] * w[:, None] for w in (age_s**0, age_s, age_s**2 / 2)], axis=2)
+    off, P = off[:, :axes], (moves @ track["P"][k] @ moves.transpose(0, 2, 1))[:, :axes, :axes]
     P[np.abs(age_s[:, 0]) > FRESH_S] = np.nan
     return np.linalg.norm(off, axis=1), off, P, k
 
