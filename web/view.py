@@ -26,7 +26,7 @@ from web.vehicle import SeenVehicle
 from web.viewer import Viewer
 
 PERIOD_S = 0.1
-UNSEEN_TICKS = 30  # a picture that nobody looks at is drawn every so many turns, so that little piles up
+UNSEEN_TICKS, UNSEEN_MOST = 30, 1_000  # a picture that nobody looks at is drawn every so many turns or claims
 NEAR_M, FAR_M, FOV = 1.0, 100_000.0, 0.9  # of the first camera
 
 
@@ -196,7 +196,8 @@ class View:
 
     def _draw(self, vehicle: SeenVehicle) -> None:
         eyes = [viewer.camera.eye() for viewer in self._at(vehicle)]
-        if eyes or self._tick % UNSEEN_TICKS == 0:
+        piled = vehicle.flight.piled > UNSEEN_MOST  # a replay at full speed would heap up memory
+        if eyes or piled or self._tick % UNSEEN_TICKS == 0:
             vehicle.picture.update(vehicle.flight.state, eyes)
 
     def _at(self, vehicle: SeenVehicle) -> list[Viewer]:

@@ -44,7 +44,7 @@ from web.view import View
 
 PARTS = ("bytes", "hour", "seek", "fusion")
 PORT = 17_480
-AHEAD = 20_000  # messages that may wait for the page while the hour goes by
+AHEAD = 4_000  # messages, 5 s of flight, that may wait for the page while the hour goes by
 SETTLE_S, COUNTED_S = 15.0, 45  # seconds of a viewer that are not counted, and that are
 BLUE_PX, PATIENCE_S = 300, 120.0  # so many pixels of the track's colour: it is there
 CAMERA = {
@@ -52,6 +52,7 @@ CAMERA = {
     "up_direction": (0.0, 0.0, 1.0), "fov": 0.9, "near": 1.0, "far": 1e5,
     "image_height": 700, "image_width": 560,
 }  # fmt: skip
+STEP_MIN = 5  # minutes of flight between two lines of its memory
 SEEKS = 60
 VIEWERS = (0, 1, 10)
 Told = list[tuple[ANY, str]]
@@ -91,10 +92,11 @@ def serve(tape: Path, minutes: float) -> None:
         if isinstance(message, State) and not source:
             while t_ns < live_ns and view.seen[0].waiting > AHEAD:
                 time.sleep(0.001)
-            if t_ns >= long.T0_NS + said * 600_000_000_000:
-                print(
-                    f"   {10 * said:3} min  {resident_mb(os.getpid()):6.1f} MB", file=sys.stderr, flush=True
-                )
+            if t_ns >= long.T0_NS + said * STEP_MIN * 60_000_000_000:
+                while view.seen[0].waiting:  # what is in the queue only because nobody flies so fast
+                    time.sleep(0.001)
+                told_mb = f"{STEP_MIN * said:3} min  {resident_mb(os.getpid()):6.1f} MB"
+                print(f"   {told_mb}", file=sys.stderr, flush=True)
                 said += 1
             if t_ns >= live_ns:
                 if not began_s:

@@ -41,6 +41,20 @@ def test_nothing_is_printed(port, capfd):
     assert capfd.readouterr().out == ""
 
 
+def test_a_flight_that_comes_at_full_speed_does_not_pile_up_for_a_picture_nobody_looks_at(port, monkeypatch):
+    monkeypatch.setattr("web.view.UNSEEN_TICKS", 10**9)
+    monkeypatch.setattr("web.view.UNSEEN_MOST", 50)
+    view = View(SCENE, port=port)
+    for message, source in messages(60.0):
+        view.put(message, source)
+    until_s = time.monotonic() + 10.0
+    while (view.seen[0].waiting or view.flight.piled > 50) and time.monotonic() < until_s:
+        time.sleep(0.05)
+    view.close()
+    assert len(view.flight.newest.view) > 500
+    assert view.flight.piled <= 50
+
+
 def test_what_fails_to_draw_is_logged_once_and_said_on_the_page(port, caplog):
     view = View(SCENE, port=port)
 

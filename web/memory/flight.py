@@ -20,10 +20,10 @@ BREAK_NS = 5_000_000_000  # a longer gap is not bridged by a straight line
 PATCH_GAP_NS = 2_000_000_000  # refused claims farther apart are two patches
 NIS_NS = 1_000_000_000  # residuals are averaged over so long
 GAP, RESET = "gap", "reset"  # what is marked beside patches: no state for BREAK_NS, the filter began again
-MOST_STATES = 100_000  # of 10 Hz: nearly three hours, then thinned
+MOST_STATES = 72_000  # of 10 Hz: two hours, then the past is thinned
 MOST_OUTLIERS = 20_000
 MOST_EVENTS = 1_000
-MOST_ERRORS = 20_000  # of 1 Hz
+MOST_ERRORS = 7_200  # of 1 Hz
 TRACK = np.dtype(
     [
         ("t_ns", "i8"),
@@ -60,7 +60,7 @@ class SeenFlight:
 
     def __init__(self, scene: Scene, other: OtherTrack | None = None):
         self.scene, self.other = scene, other
-        self.newest, self.smoothed = GrowingRows(TRACK, MOST_STATES), GrowingRows(TRACK, MOST_STATES)
+        self.newest = GrowingRows(TRACK, MOST_STATES)
         self.claims, self.residuals = Claims(), Residuals()
         self.healths, self.winds = Spoken(Health), Spoken(Wind)
         self.moments: dict[tuple[int, str], str] = {}  # time and text → level; a seek back forgets none
@@ -82,7 +82,8 @@ class SeenFlight:
         self.outliers: deque[Claim] = deque(maxlen=MOST_OUTLIERS)
         self.outliers_before = 0  # how many have left ``outliers``
         self.errors: dict[tuple[str, str], GrowingRows] = {}  # by sensor and name
-        for part in (self.newest, self.smoothed, self.claims, self.residuals, self.healths, self.winds):
+        self._smoothed: np.void | None = None  # the last one; who draws them keeps their course
+        for part in (self.newest, self.claims, self.residuals, self.healths, self.winds):
             part.clear()
         self._squares: deque[tuple[int, float]] = deque()
         self._patched: dict[str, int] = {}  # by sensor: time of its newest patch claim
@@ -92,10 +93,9 @@ class SeenFlight:
         """Note a message; ``source`` is "smoothed" for a smoothed state."""
         match message:
             case State() if source == "smoothed":
-                self._keep(self.smoothed, message, self._fresh.smoothed)
+                self._take_smoothed(message)
             case State():
-                self.state, self.arrived_s = message, time.monotonic()
-                self._keep(self.newest, message, self._fresh.newest)
+                self._take_newest(message)
             case Verdict():
                 self.claims.take(message)
                 if KIND_OF.get(message.verdict) == 0:
@@ -123,6 +123,11 @@ class SeenFlight:
                     self._mark(claim.t_ns, f"{claim.sensor}: a patch of outliers begins", PATCH)
                     self._set_mark(claim.t_ns, PATCH)
                 self._patched[claim.sensor] = claim.t_ns
+
+    @property
+    def piled(self) -> int:
+        """Claims that ``take_fresh`` would give."""
+        return len(self._fresh.settled)
 
     def take_fresh(self) -> Fresh:
         fresh, self._fresh = self._fresh, Fresh([], [], [])
@@ -155,19 +160,33 @@ class SeenFlight:
         if len(self.marks) < MOST_EVENTS:
             self.marks[t_ns] = what
 
-    def _keep(self, rows: GrowingRows, state: State, fresh: list[np.void]) -> None:
-        last = rows.view[-1] if len(rows.view) else None
+    def _take_newest(self, state: State) -> None:
+        self.state, self.arrived_s = state, time.monotonic()
+        last = self.newest.view[-1] if len(self.newest.view) else None
+        row = self._row_after(last, state)
+        if row is None:
+            return
+        if row["cut"] and last is not None:
+            gap_ns = state.t_ns - int(last["t_ns"])
+            self._set_mark(state.t_ns, GAP if gap_ns >= BREAK_NS else RESET)
+        self.newest.add(row)
+        self._fresh.newest.append(row)
+
+    def _take_smoothed(self, state: State) -> None:
+        row = self._row_after(self._smoothed, state)
+        if row is not None:
+            self._smoothed = row
+            self._fresh.smoothed.append(row)
+
+    def _row_after(self, last: np.void | None, state: State) -> np.void | None:
+        """The state as a row to keep; None where it comes late or sooner than can be seen."""
+        cut = False
         if last is not None:
             gap_ns = state.t_ns - int(last["t_ns"])
-            if gap_ns < 0:
-                return  # what comes late is not drawn: rows are in order of time
-            cut = state.reset_counter != last["reset_counter"] or gap_ns >= BREAK_NS
-            if not cut and gap_ns < STEP_NS:
-                return
-            if cut and rows is self.newest:
-                self._set_mark(state.t_ns, GAP if gap_ns >= BREAK_NS else RESET)
-        rows.add(_row(state, self._nis(state.t_ns), cut=last is not None and cut))
-        fresh.append(rows.view[-1].copy())
+            cut = gap_ns >= BREAK_NS or state.reset_counter != last["reset_counter"]
+            if gap_ns < 0 or not (cut or gap_ns >= STEP_NS):
+                return None  # what comes late is not drawn: rows are in order of time
+        return np.array([_row(state, self._nis(state.t_ns), cut=cut)], TRACK)[0]
 
     def _nis(self, t_ns: int) -> float:
         while self._squares and self._squares[0][0] < t_ns - NIS_NS:

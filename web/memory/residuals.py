@@ -9,7 +9,7 @@ from gcs.contract.messages import Verdict
 from web.memory.claims import KIND_OF, KINDS, Claim
 from web.memory.rows import GrowingRows
 
-MOST = 60_000  # values of one channel: 50 minutes at 20 Hz, then thinned
+MOST = 60_000  # values of one channel: 50 minutes at 20 Hz, then the past is thinned
 RESIDUAL = np.dtype(  # off: in the channel's unit; kind: index into KINDS
     [("t_ns", "i8"), ("sigmas", "f4"), ("off", "f4"), ("kind", "u1")]
 )

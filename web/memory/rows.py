@@ -1,32 +1,29 @@
-"""Rows in order of arrival that may grow for hours: numpy columns, with a bound."""
+"""Rows in order of arrival that may come for hours: numpy columns of a fixed size."""
 
 import numpy as np
 
 
 class GrowingRows:
-    """Structured rows with a field ``t_ns``. Beyond ``most`` the older half is thinned, two into one.
+    """Structured rows with a field ``t_ns``, at most ``most``; then the past is thinned, evenly.
 
-    A field ``stands_for``, where there is one, goes on counting what a row stands for.
+    The memory of all of them is taken at once: a page that has shown its first minutes needs no more after
+    an hour, and none of it is copied meanwhile. A field ``stands_for``, where there is one, goes on counting
+    what a row stands for.
     """
 
     def __init__(self, dtype: np.dtype, most: int):
-        self._most = most
-        self._held = np.empty(min(most, 1024), dtype)
-        self._size = 0
+        self._held = np.empty(most, dtype)
+        self._held.view(np.uint8)[:] = 0  # written to, or the system would give it page by page
+        self.clear()
 
     @property
     def view(self) -> np.ndarray:
         """(n,) what is held; to be read, not kept."""
         return self._held[: self._size]
 
-    def add(self, row: tuple) -> None:
-        if self._size == self._most:
-            old, new = np.split(self.view.copy(), [self._most // 2])
-            kept = np.concatenate([_halved(old), new])
-            self._size = len(kept)
-            self._held[: self._size] = kept
-        elif self._size == len(self._held):
-            self._held = np.resize(self._held, min(2 * self._size, self._most))
+    def add(self, row: tuple | np.void) -> None:
+        if self._size == len(self._held):
+            self._thin()
         self._held[self._size] = row
         self._size += 1
 
@@ -37,11 +34,29 @@ class GrowingRows:
 
     def clear(self) -> None:
         self._size = 0
+        self._past = 0  # so many, the first ones, are thinned already …
+        self._stride = 2  # … to every so many-th row that came
+
+    def _thin(self) -> None:
+        """Thin a third of what is whole like all that is older; that, where it is over a third, once more.
+
+        So the past is of one density, however long ago: to halve the oldest again and again would leave
+        nothing of a long flight's beginning.
+        """
+        middle = self._past + (self._size - self._past) // 3
+        kept = [self._held[: self._past], _every(self._stride, self._held[self._past : middle])]
+        if sum(map(len, kept)) > len(self._held) // 3:
+            kept = [_every(2, np.concatenate(kept))]
+            self._stride = min(2 * self._stride, len(self._held))
+        past = np.concatenate(kept)
+        rest = self._held[middle:].copy()
+        self._past, self._size = len(past), len(past) + len(rest)
+        self._held[: self._past], self._held[self._past : self._size] = past, rest
 
 
-def _halved(rows: np.ndarray) -> np.ndarray:
-    """Every second one, for itself and the next."""
-    kept = rows[::2].copy()
-    if "stands_for" in (rows.dtype.names or ()):
-        kept["stands_for"][: len(rows) // 2] += rows["stands_for"][1::2]
+def _every(stride: int, rows: np.ndarray) -> np.ndarray:
+    """Every so many-th one, for itself and those behind it."""
+    kept = rows[::stride].copy()
+    if "stands_for" in (rows.dtype.names or ()) and len(rows):
+        kept["stands_for"] = np.add.reduceat(rows["stands_for"], np.arange(0, len(rows), stride))
     return kept

@@ -139,7 +139,7 @@ class Trail:
         return np.vstack([*pieces, np.reshape(self._open, (-1, self._wide))])
 
     def _finish(self) -> None:
-        name, points = f"chunk{self._made}", np.array(self._open[: CHUNK + self._joint])
+        name, points = f"chunk{self._made}", np.array(self._open[: CHUNK + self._joint], np.float32)
         if self._within_m:
             points = needed(points, self._within_m)
         self._chunks.append((name, points, 0))
@@ -168,4 +168,4 @@ class Trail:
 
     def _show(self, piece: str, points) -> None:
         segments = self._shape(np.reshape(points, (-1, self._wide)))
-        self._draw(f"{self._name}/{piece}", segments.astype(np.float32))
+        self._draw(f"{self._name}/{piece}", segments.astype(np.float32, copy=False))

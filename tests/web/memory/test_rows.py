@@ -33,6 +33,21 @@ def test_beyond_the_bound_the_old_are_thinned_and_the_first_and_newest_stay():
     assert np.diff(times)[-40:].max() == 1
 
 
+def test_the_past_of_a_long_flight_is_thinned_evenly():
+    times = filled(20_000, 1_000).view["t_ns"]
+    kept, _ = np.histogram(times, bins=10, range=(0, 18_000))
+    assert kept.min() >= 10
+    assert kept.max() <= 2 * kept.min()
+
+
+def test_memory_is_taken_once_and_never_again():
+    rows = GrowingRows(DTYPE, 3_000)
+    where = rows.view.__array_interface__["data"]
+    for i in range(10_000):
+        rows.add((i, 0.0))
+    assert rows.view.__array_interface__["data"] == where
+
+
 def test_cleared_rows_are_gone():
     rows = filled(10, 100)
     rows.clear()
