@@ -13,6 +13,7 @@ from viser.transforms import SO3
 
 from gcs.contract.messages import Scene
 from web.memory.geometry import on_picture
+from web.scene.names import Lens
 
 AWAY = np.array([-0.7, -1.7, 1.1])  # from behind and above, north up
 ABOVE = np.array([0.0, -0.01, 1.0])  # a hair to the south, so that north is up
@@ -96,12 +97,11 @@ class Camera:
         axes = SO3(np.asarray(camera.wxyz)).as_matrix()
         return on_picture(places - self.eye(), axes, float(camera.fov), self._aspect())
 
-    def whole(self, places: np.ndarray, size_px: tuple[int, int]) -> np.ndarray:
-        """(n, 3) station ENU → (n,) bool: what is so wide and high around it is on the picture."""
+    def lens(self) -> Lens:
+        """How this viewer sees the picture."""
         camera = self._client.camera
-        edge = np.array(size_px) / 2 / np.maximum((camera.image_width, camera.image_height), 1)
-        seen = self.on_picture(places)
-        return np.all((seen > edge) & (seen < 1.0 - edge), axis=1)  # NaN, behind the eye, is not
+        size = max(camera.image_width, 1), max(camera.image_height, 1)
+        return Lens(lambda places: self.on_picture(places) * size, size, self.pixel_rad())
 
     def pixel_rad(self) -> float:
         """How much of the sight one pixel takes, in the middle of the picture."""

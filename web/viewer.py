@@ -29,8 +29,8 @@ from web.panel.limits import LimitsForm, alarms
 from web.panel.player import Player
 from web.plots.dock import Dock
 from web.scene.ghost import Ghost
-from web.scene.ground import Kilometres
 from web.scene.marks import Eye, Marks
+from web.scene.names import GroundNames, drawn, things
 from web.scene.paint import CHOICES
 from web.scene.picture import LAYERS
 from web.vehicle import SeenVehicle
@@ -61,7 +61,7 @@ class Viewer:
         self.vehicle, self._flight, self._picture = vehicle, vehicle.flight, vehicle.picture
         self.camera = Camera(client, self._flight.scene)
         self._marks = Marks(client.scene, self._flight)
-        self._kilometres = Kilometres(client.scene, self._flight.root)
+        self._names = GroundNames(client.scene, self._flight.root)
         self._time = view.playback or LookBack(self._flight)
         self._ghost = Ghost(client.scene, self._flight)
         self._label: viser.LabelHandle | None = None  # of the outlier that was clicked
@@ -89,8 +89,8 @@ class Viewer:
             self.camera.update(aircraft, self._picture.low, self._picture.high)
             if self._tick % PANEL_TICKS == 0 or self._sought():
                 self._marks.update(Eye(self.camera.eye(), self.camera.pixel_rad()))
-                self._kilometres.update(self.camera.whole)
                 self._haunt(shown)
+                self._name_ground(shown)
                 self._write(shown)
             if self._tick % PLOT_TICKS == 0:
                 self._dock.update(self._time.now_ns)
@@ -234,6 +234,14 @@ class Viewer:
             self._ghost.show(shown, self.camera.eye(), dark=self._view.dark)
         else:
             self._ghost.clear()
+
+    def _name_ground(self, shown: State | None) -> None:
+        """Show the names on the ground that are in nobody's way."""
+        lens = self.camera.lens()
+        called = self._ghost.called if self._time.back else self.vehicle.name
+        taken = things(self._flight.scene, shown, called, lens)
+        outliers = [piece.places for piece in self._marks.pieces()]
+        self._names.update(lens, drawn(self._flight.newest.view["position_enu_m"], outliers, lens), taken)
 
     def _click(self, event: viser.SceneClickEvent) -> None:
         origin = np.array(event.ray_origin) - self.camera.offset

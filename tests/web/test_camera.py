@@ -119,11 +119,12 @@ def test_every_instrument_is_a_way_to_look():
     assert modes(SCENE) == ["orbit", "follow", "top", "from theo-north", "from theo-south", "from radar-west"]
 
 
-def test_what_the_edge_would_cut_is_not_whole():
+def test_what_it_sees_in_pixels():
     camera, handle = viewer()
     handle.position, handle.wxyz = NONE, SO3.identity().wxyz  # looks along z, x to the right
-    reach = np.tan(handle.fov / 2)
-    places = np.array(
-        [[0, 0, 1], [0.9 * reach, 0, 1], [0.97 * reach, 0, 1], [0, -0.99 * reach, 1], [0, 0, -1]]
+    reach, lens = np.tan(handle.fov / 2), camera.lens()
+    places = np.array([[0, 0, 1], [reach, 0, 1], [0, -reach, 1], [0, 0, -1]])
+    np.testing.assert_allclose(
+        lens.pixels(places), [(450, 450), (900, 450), (450, 0), (np.nan, np.nan)], atol=1e-9
     )
-    assert camera.whole(places, (48, 20)).tolist() == [True, True, False, False, False]
+    assert lens.size_px == (900, 900)

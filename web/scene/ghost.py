@@ -16,12 +16,15 @@ class Ghost:
         self._drawn: Aircraft | None = None
         self._now: list[viser.FrameHandle] = []  # this viewer's, in place of those that all share
 
+    @property
+    def called(self) -> str:
+        """Its name in the picture; when, the panel's clock says: a longer name runs into others."""
+        return f"{self._flight.scene.vehicle} then"
+
     def show(self, state: State, eye: np.ndarray, *, dark: bool) -> None:
         """Show ``state``, sized for an eye (3,) there."""
-        name = self._flight.scene.vehicle
         if self._drawn is None:
-            self._drawn = Aircraft(self._api, self._flight.root, name, THEN)
-            self._drawn.say(f"{name} then")  # when, the panel's clock says; a longer name runs into others
+            self._drawn = Aircraft(self._api, self._flight.root, self.called, THEN)
             self._see_now(seen=False)
         self._drawn.set_dark(dark=dark)
         self._drawn.move(state, float(np.linalg.norm(eye - np.array(state.position_enu_m))))

@@ -1,6 +1,4 @@
-"""What stands still: the grid, north, the kilometre marks, the instruments."""
-
-from collections.abc import Callable
+"""What stands still: the grid, north, the instruments."""
 
 import numpy as np
 import viser
@@ -13,13 +11,6 @@ from web.scene import glyphs
 from web.scene.lines import Lines
 
 NORTH_M = 300.0
-KILOMETRES = {
-    "E": (1000.0, 0.0, 0.0),
-    "N": (0.0, 1000.0, 0.0),
-    "W": (-1000.0, 0.0, 0.0),
-    "S": (0.0, -1000.0, 0.0),
-}
-MARK_PX = (48, 20)  # of such a mark, with some room
 BELOW_M = 2.0  # the level plane lies a picture, so that grid and shadows are seen on it
 
 
@@ -41,31 +32,6 @@ def draw_ground(api: viser.SceneApi, lines: Lines, root: str) -> None:
     tip = (0, NORTH_M, 0)
     shaft, left, right = (0, 0, 0), (-30, NORTH_M - 60, 0), (30, NORTH_M - 60, 0)
     lines.draw(f"{root}/north", np.array([(shaft, tip), (tip, left), (tip, right)]), colours.GROUND, 4.0)
-    api.add_label(f"{root}/north-label", "N", position=(0, NORTH_M + 40, 0), anchor="center-center")
-
-
-class Kilometres:
-    """The marks of one kilometre to each side, one viewer's: the edge of the picture would cut some."""
-
-    def __init__(self, api: viser.SceneApi, root: str):
-        self._labels = [
-            api.add_label(
-                f"{root}/1km-{side}",
-                f"1 km {side}",
-                position=place,
-                font_screen_scale=0.8,
-                anchor="center-center",
-                visible=False,
-            )
-            for side, place in KILOMETRES.items()
-        ]
-
-    def update(self, whole: Callable[[np.ndarray, tuple[int, int]], np.ndarray]) -> None:
-        """Show those that are whole on the picture; it tells that of (n, 3) places and a size in pixels."""
-        seen = whole(np.array(list(KILOMETRES.values())), MARK_PX)
-        for label, shown in zip(self._labels, seen.tolist(), strict=True):
-            if label.visible != shown:
-                label.visible = shown
 
 
 def draw_site(api: viser.SceneApi, root: str, site: LaidPicture) -> None:

@@ -7,7 +7,7 @@ from gcs.contract.messages import Wind
 from web.look import colours
 from web.scene.lines import Lines
 
-LENGTH, ABOVE = 0.10, 0.07  # as shares of the camera's distance
+LENGTH, ABOVE = 0.10, 0.10  # as shares of the camera's distance: clear of the aircraft's name
 
 
 class Arrow:
@@ -15,7 +15,7 @@ class Arrow:
 
     def __init__(self, api: viser.SceneApi, lines: Lines, root: str):
         self._lines, self._root = lines, root
-        self._label = api.add_label(f"{self._root}/wind/now/label", "", visible=False, anchor="bottom-center")
+        self._label = api.add_label(f"{self._root}/wind/now/label", "", visible=False, anchor="top-center")
 
     def move(self, wind: Wind | None, aircraft: np.ndarray, distance_m: float) -> None:
         known = wind is not None and wind.known and wind.speed_mps > 0.0
