@@ -4,7 +4,7 @@ import numpy as np
 
 from gcs.contract.messages import CHANNELS, VERDICTS
 from gcs.report.basis import numbers
-from gcs.report.basis.page import Sheet, number
+from gcs.report.basis.page import Sheet, number, stated
 from gcs.report.basis.run import ACCEPTED, LINE, REFUSED, Run, is_one_of, sigmas_off
 from gcs.report.sources import clock
 
@@ -82,7 +82,7 @@ def errors(run: Run) -> Sheet:
             else:
                 says = "significant" if times >= SIGNIFICANT else "not different from zero"
             rows.append(
-                [sensor, name, number(value), number(sigma, 2), number(prior), unit, f"{times:.1f}", says]
+                [sensor, name, number(value), number(sigma, 2), stated(prior), unit, f"{times:.1f}", says]
             )
     head = ["sensor", "error", "value", "1 sigma", "before, 1 sigma", "unit", "sigmas from zero", "says"]
     note = (

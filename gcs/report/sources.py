@@ -10,7 +10,7 @@ import msgspec
 from gcs import __version__
 from gcs.contract.messages import INSTRUMENT_CHANNELS
 from gcs.report.basis import numbers
-from gcs.report.basis.page import Sheet, number
+from gcs.report.basis.page import Sheet, number, stated
 from gcs.report.basis.run import Run
 
 GAPS_LISTED = 30
@@ -133,8 +133,8 @@ def log_damage(run: Run) -> Sheet | None:
 def site(run: Run) -> Sheet:
     """Where everything stands."""
     origin = [f"{run.frame.lat_deg:.7f}", f"{run.frame.lon_deg:.7f}", f"{run.frame.alt_m:.2f}"]
-    stated = "stated" if run.station.range.origin else "the flight's first position"
-    rows = [["origin", stated, *origin, "0", "0", "0"]]
+    said = "stated" if run.station.range.origin else "the flight's first position"
+    rows = [["origin", said, *origin, "0.00", "0.00", "0.00"]]
     for sensor in run.station.sensor:
         offset, _ = run.frame.place_sensor(sensor)
         at = sensor.position
@@ -164,7 +164,7 @@ def instruments(run: Run) -> Sheet:
         noise = sensor.sigma_by_channel
         rows.append(
             [
-                sensor.name, *(number(noise.get(channel)) for channel in INSTRUMENT_CHANNELS),
+                sensor.name, *(stated(noise.get(channel)) for channel in INSTRUMENT_CHANNELS),
                 f"{sensor.tilt_deg.east:g} / {sensor.tilt_deg.north:g}", f"{sensor.orientation_deg:g}",
                 sensor.refraction, ", ".join(sensor.estimate) or "nothing",
             ]

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gcs.report.basis import numbers
-from gcs.report.basis.page import Finding, Sheet, number
+from gcs.report.basis.page import Finding, Sheet, number, stated
 from gcs.report.basis.run import Run
 from gcs.report.sources import clock
 
@@ -73,7 +73,7 @@ def tolerances(found: list[Criterion]) -> Sheet:
         kept = None if one.allowed_m is None else within(one)
         rows.append(
             [
-                one.name, number(one.allowed_m), "–" if kept is None else percent(kept),
+                one.name, stated(one.allowed_m), "–" if kept is None else percent(kept),
                 "–" if worst is None else number(one.reached_m[worst]),
                 "–" if worst is None else clock(int(one.t_ns[worst])),
                 percent(numbers.time_share(one.t_ns, known)),
@@ -107,7 +107,7 @@ def verdict(run: Run, found: list[Criterion]) -> Finding:
             ["State what the test allows: gcs report DIR --tolerance-h METRES --tolerance-v METRES."],
         )  # fmt: skip
     told = [
-        f"{one.name}: {percent(within(one))} % of the time within {one.allowed_m:g} m, worst "
+        f"{one.name}: {percent(within(one))} % of the time within {stated(one.allowed_m)} m, worst "
         f"{number(np.nanmax(one.reached_m))} m at {clock(int(one.t_ns[np.nanargmax(one.reached_m)]))}"
         for one in decisive
     ]

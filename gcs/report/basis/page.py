@@ -88,10 +88,16 @@ def _anchor(title: str) -> str:
 
 
 def number(value: Any, digits: int = 3) -> str:
-    """A number for a table: significant digits, no exponent where it can be read without; – for none."""
+    """A number for a table: significant digits, zeros among them, no exponent where it can be read without;
+    – for none."""
     if value is None or value != value:
         return "–"
     if abs(value) in (0.0, float("inf")):
         return "0" if value == 0 else "∞"
-    text = f"{value:.{digits}g}"
+    text = f"{value:#.{digits}g}".removesuffix(".")
     return f"{value:.0f}" if "e+" in text and abs(value) < 1e7 else text
+
+
+def stated(value: float | None) -> str:
+    """A number that somebody has stated, as he may have written it; – for none."""
+    return "–" if value is None else f"{value:g}"

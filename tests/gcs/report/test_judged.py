@@ -12,7 +12,7 @@ def test_values_by_verdict_with_the_longest_run(run):
     assert sheet.head[2:7] == ["all", "used", "deweighted", "isolated", "patch"]
     ranges, lines = sheet.rows
     assert ranges == [
-        "theo-a", "range", "100", "94", "2", "1", "3", "·", "4.0", "3", "0.2", "00:00:04.000",
+        "theo-a", "range", "100", "94", "2", "1", "3", "·", "4.0", "3", "0.200", "00:00:04.000",
     ]  # fmt: skip
     assert lines[:8] == ["theo-a", "line", "1", "·", "·", "·", "·", "1"]
     assert sheet.note.endswith("No value is duplicate or late.")
@@ -25,7 +25,7 @@ def test_reasons_without_their_sigmas(run):
 
 def test_systematic_errors_with_their_significance(run):
     by_name = {row[1]: row for row in judged.errors(run).rows}
-    assert by_name["range"][2:] == ["0.5", "0.1", "5", "m", "5.0", "significant"]
+    assert by_name["range"][2:] == ["0.500", "0.10", "5", "m", "5.0", "significant"]
     assert by_name["clock"][-1] == "this flight does not show it"
 
 

@@ -126,6 +126,12 @@ def test_numbers_are_short_and_never_in_powers():
     assert said == ["–", "–", "0", "0.0123", "12.3", "123456", "∞"]
 
 
+def test_zeros_that_were_measured_stay():
+    said = [page.number(x) for x in (1.5, 20.0, 300.0, -0.68, 1e-5, 999.7)]
+    assert said == ["1.50", "20.0", "300", "-0.680", "1.00e-05", "1000"]
+    assert page.number(1.0, 2) == "1.0"
+
+
 @pytest.mark.browser
 @pytest.mark.skipif(bool(MISSING), reason=f"needs {' and '.join(MISSING)}")
 def test_it_opens_without_any_network_and_plays(html, tmp_path):

@@ -20,7 +20,7 @@ def test_the_criteria_are_those_of_the_published_sigma(run):
     assert found[0].reached_m.tolist() == pytest.approx([2 * np.hypot(0.3, 0.4)] * folder.STATES)
     assert found[1].reached_m.tolist() == pytest.approx([1.96 * 0.5] * folder.STATES)
     table = rows(trust.tolerances(found))
-    assert table["best estimate, horizontal, 95 %"] == ["1.1", "100", "1", "00:00:00.000", "100", "met"]
+    assert table["best estimate, horizontal, 95 %"] == ["1.1", "100", "1.00", "00:00:00.000", "100", "met"]
     assert table["live protection level, horizontal"][-1] == "not met"
     assert trust.verdict(run, found)[:2] == ("Within tolerance", "good")
 
@@ -37,7 +37,7 @@ def test_what_does_not_keep_the_tolerance_is_told_with_its_share(run):
     run.smoothed["sigma_u_m"][50:] = 5.0
     verdict = trust.verdict(run, trust.criteria(run, Tolerance(3.0, 2.0)))
     assert verdict[:2] == ("Not within tolerance", "bad")
-    assert "height, 95 %: 50.00 % of the time within 2 m, worst 9.8 m at 00:00:05.000" in verdict.reasons[1]
+    assert "height, 95 %: 50.00 % of the time within 2 m, worst 9.80 m at 00:00:05.000" in verdict.reasons[1]
 
 
 def test_no_tolerance_and_no_end_are_open(run, written):
@@ -52,10 +52,10 @@ def test_no_tolerance_and_no_end_are_open(run, written):
 def test_percentiles(run):
     run.smoothed["sigma_u_m"][7] = 4.0
     table = rows(trust.percentiles(run))
-    assert table["best estimate, σ horizontal"][:3] == ["0.5", "0.5", "0.5"]
-    assert table["best estimate, σ height"] == ["0.5", "0.5", "0.5", "4", "00:00:00.700"]
-    assert table["live, protection level height"][0] == "6"
-    assert table["live − best estimate, horizontal"][3] == "1.5"
+    assert table["best estimate, σ horizontal"][:3] == ["0.500", "0.500", "0.500"]
+    assert table["best estimate, σ height"] == ["0.500", "0.500", "0.500", "4.00", "00:00:00.700"]
+    assert table["live, protection level height"][0] == "6.00"
+    assert table["live − best estimate, horizontal"][3] == "1.50"
 
 
 def test_shares_of_the_time(run):
