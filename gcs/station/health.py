@@ -14,6 +14,7 @@ from gcs.station.session import Update
 SPAN_NS = 10_000_000_000
 KEPT_NS = 60_000_000_000  # verdicts change for so long at most: the longest window, and then some
 PERIOD_NS = 1_000_000_000
+BACK_NS = 1_000_000_000  # the flight's clock is so far behind what silence was taken for: it had stood still
 CHECK_NS = 100_000_000  # between two looks for what is worth an event
 SILENT_S, SILENT_SCANS = 1.5, 3.0  # no data for so long, and so many usual intervals, is worth attention
 JUDGED = VERDICTS.index("invalid")  # verdicts below: the estimator's, on a value with a time that can be
@@ -83,7 +84,9 @@ class Tally:
         """Note (n,) ENTRY, new ones and those whose verdict has changed."""
         bad = np.isin(rows["verdict"], OUTLIERS).tolist()
         fields = (rows[name].tolist() for name in ("t_ns", "measurement", "channel", "count"))
-        self._now_ns, before_ns = now_ns, self._now_ns
+        if now_ns < self._now_ns:  # time went back: what was noted later is of now
+            self._span = deque((min(t_ns, now_ns), which, key) for t_ns, which, key in self._span)
+        self._now_ns, before_ns = now_ns, min(now_ns, self._now_ns)
         for t_ns, measurement, channel, count, outlier in zip(*fields, bad, strict=True):
             at_ns = min(max(t_ns, before_ns), now_ns)  # a stamp may be anything
             if channel < 0:  # a line that was no measurement, or many of them; never judged again
@@ -178,7 +181,10 @@ class Monitor:
         return self._due
 
     def _take(self, update: Update) -> list[Health | Event]:
-        self.now_ns = max(self.now_ns, self._clock_ns())
+        clock_ns = self._clock_ns()
+        if clock_ns < self.now_ns - BACK_NS:  # a recording that was paused: else no health until it is there
+            self.now_ns = self._checked_ns = self._next_ns = clock_ns
+        self.now_ns = max(self.now_ns, clock_ns)
         for index in np.unique(update.judged["sensor"]).tolist():
             rows = update.judged[update.judged["sensor"] == index]
             self._tallies[self._sensors[index]].take(rows, self.now_ns)

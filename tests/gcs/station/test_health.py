@@ -49,6 +49,21 @@ class LiveFeeds(Files):
         return self.quiet_s
 
 
+def test_health_goes_on_when_a_recording_that_was_paused_is_played_on():
+    feeds = LiveFeeds()
+    monitor = Monitor(["radar"], feeds)
+    run(monitor, *(update([k * S + S // 2, k * S + S]) for k in range(20)))
+    feeds.quiet_s = 60.0
+    nothing = update([20 * S])._replace(judged=np.zeros(0, ENTRY))
+    assert health(run(monitor, nothing)).t_ns == 80 * S
+    feeds.quiet_s = 0.0
+    told = run(monitor, *(update([k * S + S // 2, k * S + S]) for k in range(20, 30)))
+    healths = [m for m in told if isinstance(m, Health)]
+    assert [m.t_ns // S for m in healths] == [*range(21, 31)]
+    assert healths[-1].sensors["radar"].age_s == 0.0
+    assert 1.5 < healths[-1].sensors["radar"].rate_hz < 2.5
+
+
 def texts(told) -> list[str]:
     return [message.text for message in told if isinstance(message, Event)]
 
