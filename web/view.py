@@ -20,6 +20,7 @@ from web.memory.other import Geodetic
 from web.memory.site import GroundPicture
 from web.memory.timeline import Playable, Rewind
 from web.origins import only
+from web.panel.fleet import worst
 from web.panel.limits import OperatorLimits
 from web.scene.picture import Picture
 from web.vehicle import SeenVehicle
@@ -153,7 +154,9 @@ class View:
             self._server.stop()
 
     def _welcome(self, client: viser.ClientHandle) -> None:
-        self._viewers[client.client_id] = Viewer(client, self, self.seen[0])
+        heard = {vehicle.name: vehicle for vehicle in self.seen}
+        first = worst({name: vehicle.flight for name, vehicle in heard.items()}, self.limits)
+        self._viewers[client.client_id] = Viewer(client, self, heard[first])
 
     def _leave(self, client: viser.ClientHandle) -> None:
         self._viewers.pop(client.client_id, None)

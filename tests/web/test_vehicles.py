@@ -1,5 +1,7 @@
 """Several vehicles on one page in headless Chromium: the worst first, and each viewer looks at his own."""
 
+import math
+
 import msgspec
 import numpy as np
 import pytest
@@ -63,6 +65,17 @@ def test_another_one_is_looked_at_by_choice_and_the_first_again(page, view):
     assert until(lambda: blue(page) > 300)
     page.keyboard.press("t")
     assert until(lambda: view._viewers[client].camera.mode == "top")
+
+
+def test_a_new_page_shows_the_worst_one(page, view, monkeypatch):
+    monkeypatch.setattr(view.seen[0].flight, "arrived_s", math.inf)  # is as new as can be; the other is old
+    other = page.context.browser.new_page(viewport=browser.SMALL)
+    other.set_default_timeout(60_000)
+    try:
+        other.goto(view.url)
+        other.get_by_text("▸ uav2").wait_for()
+    finally:
+        other.close()
 
 
 def test_the_choice_is_one_viewer_s_own(page, view):

@@ -47,6 +47,11 @@ def ordered(found: list[Condition]) -> list[Condition]:
     return sorted(found, key=lambda one: (one.rank, one.name))
 
 
+def worst(flights: Mapping[str, SeenFlight], limits: OperatorLimits) -> str:
+    """Which vehicle a new page shows."""
+    return ordered([condition(*item, limits) for item in flights.items()])[0].name
+
+
 def rows(found: list[Condition], chosen: str) -> str:
     """A table of the vehicles, the chosen one marked."""
     body = []

@@ -8,7 +8,7 @@ import pytest
 from gcs.contract.messages import State
 from tests.web.flight import SCENE, messages
 from web.memory.flight import SeenFlight
-from web.panel.fleet import ALARMED, FAILED, FINE, WAITING, condition, ordered, rows
+from web.panel.fleet import ALARMED, FAILED, FINE, WAITING, condition, ordered, rows, worst
 from web.panel.limits import OperatorLimits
 
 STATE = next(m for m, source in messages(3.0) if isinstance(m, State) and source == "")
@@ -47,6 +47,13 @@ def test_the_worst_is_first_and_equals_keep_their_order():
     flights = {"d": flown(), "b": flown(), "c": flown(ambiguous=True), "a": None, "e": flown(quality=-1)}
     found = ordered([condition(*item, LIMITS) for item in flights.items()])
     assert [one.name for one in found] == ["e", "a", "c", "b", "d"]
+
+
+def test_a_new_page_shows_the_worst_that_has_been_heard():
+    flights = {"b": flown(), "c": flown(), "a": flown(ambiguous=True)}
+    assert worst(flights, LIMITS) == "a"
+    assert worst({"b": flown(), "a": flown()}, LIMITS) == "a"
+    assert worst({"b": flown()}, LIMITS) == "b"
 
 
 def test_a_row_tells_word_quality_and_the_first_alarm_and_marks_the_chosen():
