@@ -15,6 +15,7 @@ import viser
 
 from gcs.contract.messages import ANY, InputError, Scene
 from gcs.contract.supervision import Part, brief, log
+from web.look import colours
 from web.memory.flight import SeenFlight
 from web.memory.other import Geodetic
 from web.memory.site import GroundPicture
@@ -131,7 +132,11 @@ class View:
     def set_dark(self, *, dark: bool) -> None:
         self.dark = dark
         self._server.gui.configure_theme(
-            control_width="large", dark_mode=dark, show_logo=False, show_share_button=False
+            control_width="large",
+            dark_mode=dark,
+            show_logo=False,
+            show_share_button=False,
+            brand_color=colours.BRAND,
         )
         for vehicle in self.seen:
             vehicle.picture.set_dark(dark=dark)

@@ -12,7 +12,7 @@ Colour = tuple[int, int, int]
 FILTERED: Colour = (32, 128, 224)
 SMOOTHED: Colour = (120, 200, 255)  # lies inside the filtered line and is thinner
 OUTLIER: Colour = (228, 60, 20)
-KIND: dict[str, Colour] = {"isolated": OUTLIER, "patch": (170, 40, 150), "invalid": (120, 100, 20)}
+KIND: dict[str, Colour] = {"isolated": OUTLIER, "patch": (186, 62, 168), "invalid": (138, 116, 38)}
 GROUND: Colour = (128, 132, 140)
 GOOD: Colour = (0, 158, 115)
 WARNING: Colour = (214, 140, 0)
@@ -27,6 +27,17 @@ INSTRUMENTS: tuple[Colour, ...] = (
     (160, 120, 80),
     (150, 150, 0),
 )
+BUTTON: Colour = (92, 98, 106)  # white words on it have a contrast of 6.2; the library's grey has 3.3
+BRAND: Colour = (
+    14,
+    76,
+    134,
+)  # of what can be pressed: the library makes it lighter, 5 to white; its own: 3.6
+LABEL: dict[bool, Colour] = {
+    False: BUTTON,
+    True: (160, 164, 170),
+}  # by dark page: of the library's small words
+CHOSEN_DARK: Colour = (96, 165, 230)  # a chosen tab's word on the dark page
 INK: dict[bool, Colour] = {False: (25, 28, 36), True: (245, 245, 250)}  # by dark page: the aircraft
 OTHER = INK  # another course of the flight: thin, over the newest
 PAGE: dict[bool, Colour] = {False: (255, 255, 255), True: (20, 21, 24)}
@@ -75,6 +86,26 @@ def linear(colour: np.ndarray) -> np.ndarray:
     share = np.asarray(colour) / 255.0
     light = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
     return np.rint(light * 255.0).astype(np.uint8)
+
+
+def luminance(colour: Colour) -> float:
+    """Relative luminance, 0 … 1 (WCAG 2.1)."""
+    red, green, blue = (
+        share / 12.92 if share <= 0.04045 else ((share + 0.055) / 1.055) ** 2.4
+        for share in (one / 255.0 for one in colour)
+    )
+    return 0.2126 * red + 0.7152 * green + 0.0722 * blue
+
+
+def contrast(one: Colour, other: Colour) -> float:
+    """1 … 21 (WCAG 2.1): 4.5 is enough to read small words by."""
+    dark, light = sorted((luminance(one), luminance(other)))
+    return (light + 0.05) / (dark + 0.05)
+
+
+def words_on(colour: Colour) -> Colour:
+    """White or black, which reads better on it."""
+    return max(PAGE[False], INK[False], key=lambda words: contrast(words, colour))
 
 
 def css(colour: Colour) -> str:

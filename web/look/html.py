@@ -21,13 +21,18 @@ STYLE = f"""<style>
 .gcs td:first-child, .gcs th:first-child {{ text-align: left; padding-left: 0; }}
 .gcs td.wide {{ white-space: normal; text-align: left; }}
 .gcs .clock {{ font-size: 1.7em; font-weight: 600; line-height: 1.2; }}
-.gcs .badge {{ float: right; color: white; font-weight: 600; padding: 0.2em 0.6em; border-radius: 0.4em; }}
-.gcs .bar {{ color: white; font-weight: 600; padding: 0.1em 0.6em; border-radius: 0.4em; margin: 0.15em 0; }}
+.gcs .badge {{ float: right; font-weight: 600; padding: 0.2em 0.6em; border-radius: 0.4em; }}
+.gcs .bar {{ font-weight: 600; padding: 0.1em 0.6em; border-radius: 0.4em; margin: 0.15em 0; }}
 .gcs .quiet {{ opacity: 0.7; }}
-.gcs .old {{ opacity: 0.45; text-decoration: line-through; }}
+.gcs .old {{ opacity: 0.65; text-decoration: line-through; }}
 .gcs .copy {{ cursor: copy; border-bottom: 1px dotted; }}
 .gcs .swatch {{ display: inline-block; width: 0.75em; height: 0.75em; border-radius: 50%;
   margin-right: 0.4em; }}
+:root {{ --mantine-color-dimmed: {css(colours.LABEL[False])} !important; }}
+:root[data-mantine-color-scheme=dark] {{ --mantine-color-dimmed: {css(colours.LABEL[True])} !important; }}
+:root[data-mantine-color-scheme=dark] [role=tab][aria-selected=true], [data-mantine-color-scheme=dark]
+  [role=tab][aria-selected=true] * {{ color: {css(colours.CHOSEN_DARK)} !important; }}
+.mantine-Slider-markLabel {{ color: var(--mantine-color-dimmed) !important; }}
 .gcs .lost {{ height: 0; overflow: hidden; color: white; background: {css(colours.BAD)}; font-weight: 600;
   text-align: center; border-radius: 0.4em; animation: gcs-lost 0.1s {LOST_S}s forwards; }}
 @keyframes gcs-lost {{ to {{ height: 1.8em; line-height: 1.8em; margin-bottom: 0.4em; }} }}
@@ -70,7 +75,7 @@ def inked(text: str, colour: Colour | None) -> str:
     """Bold in a colour, mixed with the page's ink so that it reads on the light and on the dark page."""
     if not colour:
         return text
-    return f'<b style="color:color-mix(in srgb, {css(colour)} 70%, currentColor)">{text}</b>'
+    return f'<b style="color:color-mix(in srgb, {css(colour)} 65%, currentColor)">{text}</b>'
 
 
 def aged(text: str, *, old: bool) -> str:
@@ -79,7 +84,12 @@ def aged(text: str, *, old: bool) -> str:
 
 
 def bar(text: str, colour: Colour) -> str:
-    return f'<div class="bar" style="background:{css(colour)}">{text}</div>'
+    return f'<div class="bar" style="{filled(colour)}">{text}</div>'
+
+
+def filled(colour: Colour) -> str:
+    """The style of words on that ground."""
+    return f"background:{css(colour)};color:{css(colours.words_on(colour))}"
 
 
 def swatch(colour: Colour) -> str:

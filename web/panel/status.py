@@ -5,7 +5,7 @@ from html import escape
 
 from gcs.contract.messages import Scene, State, Wind
 from web.look import colours, html
-from web.look.colours import Colour, css
+from web.look.colours import Colour
 from web.look.html import aged, bar, clock, inked, table
 
 STALE_S = 1.0  # older data are not live; the state comes ten times a second or more
@@ -28,7 +28,7 @@ def badge(state: State | None, age_s: float, mode: str) -> tuple[str, Colour]:
 
 def head(scene: Scene, state: State | None, word: str, colour: Colour, tick: int) -> str:
     """Badge, vehicle and time of the data."""
-    mark = f'<span class="badge" style="background:{css(colour)}">{word}</span><b>{escape(scene.vehicle)}</b>'
+    mark = f'<span class="badge" style="{html.filled(colour)}">{word}</span><b>{escape(scene.vehicle)}</b>'
     lost = f'<div class="lost" data-tick="{tick}">NO CONTACT WITH THE STATION</div>'
     if state is None:
         return html.block(f'{lost}{mark} <span class="quiet">{escape(scene.range)}</span>')

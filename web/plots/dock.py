@@ -7,6 +7,7 @@ import viser
 from viser import uplot
 
 from gcs.contract.supervision import guarded
+from web.look import colours
 from web.look.colours import css
 from web.memory.claims import Claim
 from web.memory.flight import SeenFlight
@@ -80,8 +81,10 @@ class Dock:
         with panel.add_tab("Plots"):
             self.story = gui.add_html("", visible=False)
             self._picked = gui.add_folder(None)
-            self._close = gui.add_button("Close", visible=False, color="gray")
-            self.box = gui.add_button(BOX, color="gray", hint="how many, whose, and how far off; key B")
+            self._close = gui.add_button("Close", visible=False, color=colours.BUTTON)
+            self.box = gui.add_button(
+                BOX, color=colours.BUTTON, hint="how many, whose, and how far off; key B"
+            )
             self._choice = gui.add_dropdown("Show", curves.CHOICES)
             self._span = gui.add_dropdown("Over", tuple(SPANS_S), initial_value="1 min")
             self._all = gui.add_folder(None)
