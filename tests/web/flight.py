@@ -2,12 +2,23 @@
 
 from collections.abc import Iterator
 
+import msgspec
 import numpy as np
 
-from gcs.contract.messages import Event, Health, Instrument, Scene, SensorHealth, State, Verdict
+from gcs.contract.messages import (
+    Event,
+    Health,
+    Instrument,
+    Scene,
+    SensorHealth,
+    State,
+    SystematicError,
+    Verdict,
+)
 
 START_NS = 1_790_000_000_000_000_000
 HZ = 10
+RADAR_ERRORS = {"range": SystematicError(value=1.5, sigma=0.4, unit="m", known=True)}
 SCENE = Scene(
     range="demo",
     vehicle="uav1",
@@ -112,7 +123,7 @@ def _health(t_ns: int) -> Health:
         sensors={
             "theo-north": sensor(20.0, 0.021, 0.03),
             "theo-south": sensor(20.0, 0.083, 0.03),
-            "radar-west": sensor(10.0, 0.026, 0.12),
+            "radar-west": msgspec.structs.replace(sensor(10.0, 0.026, 0.12), errors=RADAR_ERRORS),
             "ins": sensor(25.0, 0.0, 0.02),
         },
     )

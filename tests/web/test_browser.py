@@ -124,10 +124,14 @@ def test_the_plots_change_with_what_is_chosen(page):
     for choice, title in (
         ("height and speed", "height above the origin, m"),
         ("sigma and protection", "sigma and protection level, m"),
+        ("zero errors, clocks", "range zero, m"),
         ("residuals in σ", "radar-west"),
     ):
         choose(page, "Show", choice)
         page.locator(".u-title").filter(has_text=title).first.wait_for()
+        assert (
+            page.get_by_text("Value", exact=True).filter(visible=True).count() == 0
+        )  # of a band, without a name
     choose(page, "Over", "whole flight")
 
 

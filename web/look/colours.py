@@ -33,6 +33,7 @@ BRAND: Colour = (
     76,
     134,
 )  # of what can be pressed: the library makes it lighter, 5 to white; its own: 3.6
+BAND = 0.18  # opacity of a band in a plot
 LABEL: dict[bool, Colour] = {
     False: BUTTON,
     True: (160, 164, 170),

@@ -11,6 +11,7 @@ from web.look.colours import Colour, css
 
 LOST_S = 3.0  # the browser says so itself when the station has been silent for so long
 
+# A band has no name: without the rule for .u-series the legend would call each of its edges "Value".
 # The last rule works without us: every update restarts the animation, so it ends only when updates stop.
 STYLE = f"""<style>
 .gcs {{ padding: 0.4em 0.9em; font-size: 0.8em; line-height: 1.45; font-variant-numeric: tabular-nums; }}
@@ -33,6 +34,7 @@ STYLE = f"""<style>
 :root[data-mantine-color-scheme=dark] [role=tab][aria-selected=true], [data-mantine-color-scheme=dark]
   [role=tab][aria-selected=true] * {{ color: {css(colours.CHOSEN_DARK)} !important; }}
 .mantine-Slider-markLabel {{ color: var(--mantine-color-dimmed) !important; }}
+.u-series:has(.u-marker[style*="{colours.BAND}"]) {{ display: none; }}
 .gcs .lost {{ height: 0; overflow: hidden; color: white; background: {css(colours.BAD)}; font-weight: 600;
   text-align: center; border-radius: 0.4em; animation: gcs-lost 0.1s {LOST_S}s forwards; }}
 @keyframes gcs-lost {{ to {{ height: 1.8em; line-height: 1.8em; margin-bottom: 0.4em; }} }}

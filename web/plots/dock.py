@@ -20,7 +20,6 @@ HEIGHT_PX = 150
 AROUND_NS = 10_000_000_000  # of the clicked outlier's plot, each side
 GRID: uplot.Axis_Grid = {"stroke": "rgba(128,128,128,0.55)", "width": 1}
 SIZE_PX = {LINE: 0, MARKS: 7, curves.DOTS: 3}
-FILL = 0.18  # opacity of a band
 WIDTH_PX = 340
 
 
@@ -139,4 +138,4 @@ def _series(curve: curves.Curve) -> uplot.Series:
 
 
 def _clear(colour: tuple[int, int, int]) -> str:
-    return "rgba({},{},{},{})".format(*colour, FILL)
+    return "rgba({},{},{},{})".format(*colour, colours.BAND)
