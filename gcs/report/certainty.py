@@ -12,6 +12,7 @@ from gcs.report.trust import EN, Tolerance
 
 SPAN_BINS = 240  # pieces of time in which a sensor's share of refused values is told
 CROSSING_STEPS = 1_500
+FEW_DECADES = 30.0  # ratio of the largest to the least, below which a decade is marked inside, too
 BEGINS = 0.15  # of the flight, from which on the band of a systematic error is shown in full
 
 
@@ -25,13 +26,21 @@ def sigma(run: Run, tolerance: Tolerance) -> Diagram:
         own, late = (numbers.horizontal(x, EN) if end == "h" else x["sigma_u_m"] for x in (live, best))
         line(figure, t, own, "1 sigma, live", LIVE, row)
         line(figure, tb, late, "1 sigma, best estimate", BEST, row)
-        limit(figure, getattr(tolerance, f"{axis}_m"), row)
-    figure.update_yaxes(type="log", dtick=1)
+        allowed_m = getattr(tolerance, f"{axis}_m")
+        limit(figure, allowed_m, row)
+        shown = np.concatenate([live[f"protection_{end}_m"], own, late, [allowed_m or np.nan]])
+        figure.update_yaxes(type="log", dtick=_log_step(shown), row=row, col=1)
     caption = (
         "Logarithmic. Where the protection level is missing nobody else was there to bound a lie; where it "
         "is far above sigma one sensor carries the solution, or disagrees with the rest."
     )
     return Diagram("Sigma and protection level over time", caption, figure, 520)
+
+
+def _log_step(values: np.ndarray) -> int | str:
+    """Plotly's ``dtick`` of a logarithmic axis: whole decades, or 1, 2, 5 where there would be hardly any."""
+    values = values[np.isfinite(values) & (values > 0.0)]
+    return "D2" if not len(values) or values.max() / values.min() < FEW_DECADES else 1
 
 
 def separation(run: Run) -> Diagram:
@@ -57,7 +66,9 @@ def separation_sigmas(run: Run, apart: np.ndarray) -> np.ndarray:
     """(n, 3) separation in its own 1-sigma: its variance is P_filter − P_smoother (Mayne 1966)."""
     names = ("sigma_e_m", "sigma_n_m", "sigma_u_m")
     best = np.column_stack([run.smoothed[name] for name in names])
-    best = numbers.at_times(run.track["t_ns"], run.smoothed["t_ns"], best, numbers.LONGEST_STEP_S)
+    best = numbers.at_times(
+        run.track["t_ns"], run.smoothed["t_ns"], best, numbers.longest_s(run.smoothed["t_ns"])
+    )
     live = np.column_stack([run.track[name] for name in names])
     variance = live**2 - best**2
     with np.errstate(invalid="ignore"):

@@ -183,7 +183,8 @@ def _unwound(values: np.ndarray, row: int) -> np.ndarray:
 def _with_breaks(run: Run, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Times in s and rows, with a NaN where there was no state, or the filter began again."""
     new = np.diff(rows["reset_counter"]) != 0
-    at = np.flatnonzero((np.diff(rows["t_ns"]) > numbers.LONGEST_STEP_S * 1e9) | new) + 1
+    longest_ns = numbers.longest_s(rows["t_ns"]) * 1e9  # a slow log has states farther apart than others
+    at = np.flatnonzero((np.diff(rows["t_ns"]) > longest_ns) | new) + 1
     broken = np.insert(rows, at, rows[at])
     places = at + np.arange(len(at))
     for name in rows.dtype.names or ():

@@ -172,7 +172,9 @@ def separation(run: Run) -> np.ndarray:
     enu = ("e_m", "n_m", "u_m")
     best = np.column_stack([run.smoothed[name] for name in enu])
     live = np.column_stack([run.track[name] for name in enu])
-    return live - numbers.at_times(run.track["t_ns"], run.smoothed["t_ns"], best, numbers.LONGEST_STEP_S)
+    return live - numbers.at_times(
+        run.track["t_ns"], run.smoothed["t_ns"], best, numbers.longest_s(run.smoothed["t_ns"])
+    )
 
 
 def percent(share: float) -> str:

@@ -35,13 +35,13 @@ class Crossing(NamedTuple):
 def positions(run: Run, t_ns: np.ndarray) -> np.ndarray:
     """(n, 3) of the best estimate at (n,) times, station ENU in m; NaN outside it."""
     enu = np.column_stack([run.smoothed[name] for name in ("e_m", "n_m", "u_m")])
-    return numbers.at_times(t_ns, run.smoothed["t_ns"], enu, numbers.LONGEST_STEP_S)
+    return numbers.at_times(t_ns, run.smoothed["t_ns"], enu, numbers.longest_s(run.smoothed["t_ns"]))
 
 
 def velocities(run: Run, t_ns: np.ndarray) -> np.ndarray:
     """(n, 3) of the best estimate at (n,) times, m/s."""
     columns = np.column_stack([run.smoothed[name] for name in ("ve_mps", "vn_mps", "vu_mps")])
-    return numbers.at_times(t_ns, run.smoothed["t_ns"], columns, numbers.LONGEST_STEP_S)
+    return numbers.at_times(t_ns, run.smoothed["t_ns"], columns, numbers.longest_s(run.smoothed["t_ns"]))
 
 
 def sight(run: Run, sensor: str, t_ns: np.ndarray) -> Sight:

@@ -6,6 +6,7 @@ import numpy as np
 
 LEVELS = (50.0, 95.0, 99.0)  # percentiles that are listed
 LONGEST_STEP_S = 1.0  # a state stands for the time up to the next one, and for no longer than this
+USUAL = 5.0  # usual intervals: a longer one is a pause
 SLOW_MPS = 1.0  # below it there is no direction of flight
 DRMS_95 = 2.0  # times the root of the horizontal variances: covers 95.4 to 98.2 % (Bowditch, app. Q)
 NORMAL_95 = 1.96
@@ -55,13 +56,17 @@ def time_share(t_ns: np.ndarray, holds: np.ndarray) -> float:
     return float(weight[holds].sum() / weight.sum()) if weight.sum() > 0.0 else float(holds.mean())
 
 
-def gaps(t_ns: np.ndarray, usual: float = 5.0, least_s: float = 0.5) -> list[Gap]:
-    """Pauses of more than ``usual`` usual intervals, and more than ``least_s``, in times in any order."""
+def longest_s(t_ns: np.ndarray, least_s: float = LONGEST_STEP_S) -> float:
+    """What is no pause yet in (n,) times in order, s: ``USUAL`` usual intervals, and ``least_s`` at least."""
+    return max(USUAL * float(np.median(np.diff(t_ns))) * 1e-9, least_s) if len(t_ns) > 1 else least_s
+
+
+def gaps(t_ns: np.ndarray, least_s: float = 0.5) -> list[Gap]:
+    """Pauses of more than ``USUAL`` usual intervals, and more than ``least_s``, in times in any order."""
     t = np.unique(t_ns)
     if len(t) < 2:
         return []
-    step_s = np.diff(t) * 1e-9
-    at = np.flatnonzero(step_s > max(usual * float(np.median(step_s)), least_s))
+    at = np.flatnonzero(np.diff(t) * 1e-9 > longest_s(t, least_s))
     return [Gap(int(t[k]), int(t[k + 1])) for k in at]
 
 

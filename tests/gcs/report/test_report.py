@@ -9,7 +9,7 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from gcs.report import report
+from gcs.report import certainty, flight, report
 from gcs.report.basis import page
 from gcs.report.basis import run as runs
 from gcs.report.trust import Tolerance
@@ -119,6 +119,24 @@ def repeated(rows: np.ndarray) -> np.ndarray:
     many = np.tile(rows, 1_000)
     many["t_ns"] += np.repeat(np.arange(1_000), len(rows)) * 10_100_000_000
     return many
+
+
+def test_lines_of_a_slow_log_break_at_its_pauses_only(run):
+    steps = np.where(np.arange(len(run.smoothed)) % 4 == 3, 1_400_000_000, 360_000_000)
+    run.smoothed["t_ns"] = run.start_ns + np.cumsum(steps)
+    run.smoothed["t_ns"][50:] += 10_000_000_000
+    told = next(trace for trace in flight.motion(run).figure.data if trace.name == "best estimate")
+    assert np.isnan(told.y).sum() == 1
+
+
+def test_a_logarithmic_axis_has_marks_inside_a_decade_too(run):
+    for column in ("sigma_e_m", "sigma_n_m", "sigma_u_m"):
+        run.track[column] = run.smoothed[column] = 3.0
+    for end in ("h", "v"):
+        run.track[f"protection_{end}_m"] = 6.0
+    assert certainty.sigma(run, Tolerance()).figure.layout.yaxis.dtick == "D2"
+    run.track["sigma_u_m"][3] = 300.0
+    assert certainty.sigma(run, Tolerance()).figure.layout.yaxis2.dtick == 1
 
 
 def test_numbers_are_short_and_never_in_powers():

@@ -66,6 +66,13 @@ def test_gaps_are_pauses_beyond_the_usual():
     assert numbers.gaps(np.array([5])) == []
 
 
+def test_a_slow_log_is_no_row_of_pauses():
+    """0.36 s usual, 1.4 s now and then, as in a log of 2013."""
+    t = np.cumsum([0.36, 0.36, 0.36, 1.4, 0.36, 0.36, 6.6]) * S
+    assert numbers.longest_s(t.astype(np.int64)) == pytest.approx(1.8)
+    assert numbers.longest_s(np.array([5])) == numbers.LONGEST_STEP_S
+
+
 def test_a_share_is_one_of_time():
     t = np.array([0.0, 0.1, 0.2, 1.2, 60.0]) * S
     holds = np.array([False, False, True, False, False])
