@@ -30,7 +30,7 @@ from web.panel.player import Player
 from web.plots.dock import Dock
 from web.scene.ghost import Ghost
 from web.scene.marks import Eye, Marks
-from web.scene.names import GroundNames, drawn, things
+from web.scene.names import GroundNames, drawn, hanging, things, together
 from web.scene.paint import CHOICES
 from web.scene.picture import LAYERS
 from web.vehicle import SeenVehicle
@@ -239,7 +239,8 @@ class Viewer:
         """Show the names on the ground that are in nobody's way."""
         lens = self.camera.lens()
         called = self._ghost.called if self._time.back else self.vehicle.name
-        taken = things(self._flight.scene, shown, called, lens)
+        clicked = [hanging(one.text, np.array(one.position), lens) for one in (self._label,) if one]
+        taken = together(things(self._flight.scene, shown, called, lens), *clicked)
         outliers = [piece.places for piece in self._marks.pieces()]
         self._names.update(lens, drawn(self._flight.newest.view["position_enu_m"], outliers, lens), taken)
 

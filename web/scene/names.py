@@ -12,7 +12,7 @@ from web.scene.ground import NORTH_M
 
 NORTH = "N"
 PLACES = {  # station ENU, metres; where two would touch, the first is shown
-    NORTH: (0.0, NORTH_M + 40.0, 0.0),
+    NORTH: (0.0, NORTH_M + 80.0, 0.0),
     "1 km E": (1000.0, 0.0, 0.0),
     "1 km N": (0.0, 1000.0, 0.0),
     "1 km W": (-1000.0, 0.0, 0.0),
@@ -99,6 +99,16 @@ def things(scene: Scene, state: State | None, called: str, lens: Lens) -> Boxes:
         middles += [place, place - (0.0, (span_px + HIGH_PX) / 2)]
         sizes += [[(span_px, span_px)], [_of_name(called)]]
     return Boxes(np.concatenate(middles), np.array([size for some in sizes for size in some]).reshape(-1, 2))
+
+
+def hanging(text: str, place: np.ndarray, lens: Lens) -> Boxes:
+    """A label whose upper left corner is at a place (3,)."""
+    size = np.array([_of_name(text)])
+    return Boxes(lens.pixels(place[None]) + size / 2, size)
+
+
+def together(*some: Boxes) -> Boxes:
+    return Boxes(*(np.concatenate(parts) for parts in zip(*some, strict=True)))
 
 
 def _of_name(text: str) -> tuple[float, float]:

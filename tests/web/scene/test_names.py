@@ -5,7 +5,7 @@ import numpy as np
 
 from gcs.contract.messages import State
 from tests.web.flight import SCENE, messages
-from web.scene.names import Boxes, GroundNames, Lens, drawn, free, things
+from web.scene.names import Boxes, GroundNames, Lens, drawn, free, hanging, things, together
 
 PICTURE = (900, 700)
 NOWHERE, NOTHING = np.zeros((0, 2)), Boxes(np.zeros((0, 2)), np.zeros((0, 2)))
@@ -52,6 +52,14 @@ def test_a_track_is_in_the_way_between_its_places_too_and_so_are_its_outliers():
     assert (below(np.array([(0.0, 500.0, 0.0)])) == seen).all(axis=1).any()
     assert len(drawn(np.zeros((0, 3)), [], LENS)) == 0
     assert len(drawn(np.zeros((100_000, 3)), [], LENS)) < 40_000
+
+
+def test_the_label_of_a_clicked_outlier_is_in_the_way():
+    label = hanging("isolated · radar-1", np.array([0.0, 0.0, 50.0]), LENS)
+    taken = together(things(SCENE, None, "uav1", LENS), label)
+    assert len(taken.middles) == len(taken.sizes) == 2 * len(SCENE.instruments) + 1
+    for right, shown in ((-30, True), (-20, False), (140, False), (180, True)):
+        assert free(MIDDLE + np.array((right, 10)), PICTURE, NOWHERE, label) == [shown]
 
 
 class Labels:
