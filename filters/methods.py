@@ -15,6 +15,7 @@ from filters.baselines.classic import ClassicUkf
 from filters.correction import correction as corrections
 from filters.models.rows import Sensor
 from filters.models.settings import Settings
+from filters.models.store import InMemory, Keep
 from filters.smoother import gated
 from filters.smoother.estimator import FixedLagSmoother
 
@@ -34,13 +35,17 @@ def make(
     sensors: Sequence[Sensor],
     settings: Settings | None = None,
     correction: Callable = corrections.off,
+    keep: Keep = InMemory,
 ) -> FixedLagSmoother | baselines.Baseline:
-    """An estimator by name. Raises ValueError for an unknown one, or one that takes no ``correction``."""
+    """An estimator by name; ``keep`` makes the places for what is final, where it keeps little else.
+
+    Raises ValueError for an unknown one, or one that takes no ``correction``.
+    """
     if method not in METHODS:
         raise ValueError(f"unknown method {method!r}; choose one of {', '.join(METHODS)}")
     chosen = METHODS[method]
     if isinstance(chosen, gated.Rule):
-        return FixedLagSmoother(sensors, settings or Settings(), chosen, correction)
+        return FixedLagSmoother(sensors, settings or Settings(), chosen, correction, keep)
     if correction is not corrections.off:
         raise ValueError(f"method {method!r} takes no learned correction: leave out --correction")
     return chosen(sensors, settings or Settings())

@@ -7,7 +7,7 @@ Every row before ``done`` has a verdict. It may change in the window; when final
 Only a late row takes ``decided`` and ``done`` back, never before ``final``.
 
 Rows have their numbers for the whole flight. Of the final ones only what the smoother of the flight reads is
-kept, by the ``BLOCK``: `recall` gives it; `view` and `made` give the rows that still count.
+kept, in a `Store`: `recall` gives it; `view` and `made` give the rows that still count.
 """
 
 from typing import NamedTuple
@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from filters.models.rows import DUPLICATE, INVALID, LATE, ROW, VERDICT
+from filters.models.store import InMemory, Keep
 from filters.smoother.status import NO_CHANNEL, NO_STATE, NONE, NOT_FINITE, TOO_OLD, TWICE
 
 
@@ -40,19 +41,19 @@ class Outcome(NamedTuple):
     nis: np.ndarray  # squared standardised innovation
 
 
-class Final(NamedTuple):
-    """Of final rows what the smoother of the flight reads, arrays (BLOCK,): 31 bytes a row."""
-
-    t: np.ndarray
-    sensor: np.ndarray
-    channel: np.ndarray
-    value: np.ndarray
-    weight: np.ndarray
-    noise: np.ndarray
-    regime: np.ndarray
-
-
-BLOCK = 16_384
+# of a final row what the smoother of the flight reads: 31 bytes
+FINAL = np.dtype(
+    [
+        ("t", "i8"),
+        ("sensor", "i2"),
+        ("channel", "i1"),
+        ("value", "f8"),
+        ("weight", "f4"),
+        ("noise", "f4"),
+        ("regime", "i4"),
+    ]
+)
+BLOCK = 16_384  # final rows that are stored at a time
 OUTCOME_TYPES = ("f4", "f4", "i4", "f8", "f8", "f4")
 
 
@@ -64,12 +65,12 @@ def outcome(n: int) -> Outcome:
 class MeasurementBuffer:
     """See the module's text. ``variance`` (s, 13) is finite where a sensor has the channel."""
 
-    def __init__(self, variance: np.ndarray):
+    def __init__(self, variance: np.ndarray, keep: Keep = InMemory):
         self._variance = variance
         self._rows, self._outcome = _rows(4096), outcome(4096)
         self._id, self._verdict = np.zeros(4096, "i8"), np.zeros(4096, "i1")
         self._reason, self._published = np.zeros(4096, "i1"), np.zeros(4096, "i1")
-        self._past: list[Final] = []
+        self._past = keep(FINAL)
         self._base = 0  # rows that are in the past: the columns begin after them
         self.size = self.done = self.decided = self.final = 0
         self._reported = 0  # final when `changes` was last called
@@ -87,20 +88,15 @@ class MeasurementBuffer:
         return self._base + int(np.searchsorted(self.view(self._base, self.done).t, t_ns))
 
     def recall(self, begin: int, end: int) -> tuple[Rows, Outcome]:
-        """Copies of decided rows ``begin`` to ``end``, of any age, as far as `Final` keeps them."""
-        blocks = range(begin // BLOCK, min(-(-end // BLOCK), len(self._past)))
-        parts = [
-            Final(*(column[max(begin - k * BLOCK, 0) : end - k * BLOCK] for column in self._past[k]))
-            for k in blocks
-        ]
+        """Copies of decided rows ``begin`` to ``end``, of any age, as far as `FINAL` keeps them."""
+        past = self._past.read(min(begin, self._base), min(end, self._base))
         live = self._at(max(begin, self._base), max(end, self._base))
-        parts.append(self._kept(live))
-        kept = Final(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+        kept = np.concatenate([past, self._kept(live)])
         rows, own = _rows(end - begin), outcome(end - begin)
         for full in (rows, own):
             for name, column in zip(full._fields, full, strict=True):
-                if name in Final._fields:
-                    column[:] = getattr(kept, name)
+                if name in FINAL.fields:
+                    column[:] = kept[name]
         return rows, own
 
     def _at(self, begin: int, end: int) -> slice:
@@ -113,10 +109,14 @@ class MeasurementBuffer:
         self._rows, self._outcome = Rows(*columns[:6]), Outcome(*columns[6:12])
         self._id, self._verdict, self._reason, self._published = columns[12:]
 
-    def _kept(self, at: slice) -> Final:
-        rows, own = self._rows, self._outcome
-        kept = rows.t, rows.sensor, rows.channel, rows.value, own.weight, own.noise, own.regime
-        return Final(*(column[at].copy() for column in kept))
+    def _kept(self, at: slice) -> np.ndarray:
+        """(k,) FINAL of the columns ``at``."""
+        kept = np.empty(at.stop - at.start, FINAL)
+        for full in (self._rows, self._outcome):
+            for name, column in zip(full._fields, full, strict=True):
+                if name in FINAL.fields:
+                    kept[name] = column[at]
+        return kept
 
     def _pass(self) -> None:
         """Let a block of rows that nothing changes any more become the past."""

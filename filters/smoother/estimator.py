@@ -20,12 +20,13 @@ from filters.models import state as models
 from filters.models.motion import CORE
 from filters.models.rows import TRACK, Sensor, Step, rehearsal
 from filters.models.settings import Settings
+from filters.models.store import InMemory, Keep
 from filters.smoother import gated, start, status, tracks
 from filters.smoother.bank import Bank, Prior
 from filters.smoother.buffer import MeasurementBuffer, Rows, faults, refusals
 from filters.smoother.hypothesis import Workspace
 from filters.smoother.integrity import protection, report
-from filters.smoother.snapshots import LONG_AGO_NS, Progress, Snapshots
+from filters.smoother.snapshots import LONG_AGO_NS, Progress, Snapshots, mark_type
 from filters.smoother.window import Window
 
 CELL_NS = 250_000_000  # data time between two re-decisions at the shortest lag
@@ -38,7 +39,7 @@ class FixedLagSmoother:
     """See the module's text. ``sensors`` in the order of ROW's ``sensor``.
 
     ``correction`` makes of each epoch's predicted and updated state the one that is published; as
-    `corrections.off`.
+    `corrections.off`. ``keep`` makes the places for what is final.
     """
 
     def __init__(
@@ -47,6 +48,7 @@ class FixedLagSmoother:
         settings: Settings,
         rule: gated.Rule = gated.BY_STATUS,
         correction: Callable = corrections.off,
+        keep: Keep = InMemory,
     ):
         self.sensors, self.settings, self._correction = tuple(sensors), settings, correction
         self.model = models.build(sensors, settings.ins_bias_sigma_m, settings.ins_bias_tau_s)
@@ -58,9 +60,9 @@ class FixedLagSmoother:
         space, prior = Workspace(self.model, psd), Prior(settings.height_m, settings.height_sigma_m)
         others = range(len(sensors)) if self._robust and len(sensors) > 1 else ()
         progress = Progress([Bank(space, prior, excluded) for excluded in (-1, *others)], len(sensors))
-        self._buffer = MeasurementBuffer(self.model.variance)
-        self._window = Window(space, self._buffer, progress, robust=self._robust)
-        self._snapshots = Snapshots(progress)
+        self._buffer = MeasurementBuffer(self.model.variance, keep)
+        self._window = Window(space, self._buffer, progress, keep, robust=self._robust)
+        self._snapshots = Snapshots(progress, keep(mark_type(len(self.model.prior), len(sensors))))
         self._smoothed: list[np.ndarray] = []  # and final, not handed out yet
         self._told = gated.told(64, len(self.model.prior))
         self._newest_ns, self._fixed_ns = LONG_AGO_NS, 0
@@ -108,11 +110,10 @@ class FixedLagSmoother:
 
     def smooth(self) -> np.ndarray:
         """Best estimate of trajectory (k,) TRACK: forward and backward over the flight, final weights."""
-        starts = {row: (mark, False) for row, mark in self._snapshots.marks}
-        starts |= {reset.row: (reset.anchor, True) for reset in self._now.resets}
-        densities = np.concatenate(self._window.densities)
+        begins = self._snapshots.begins(self._now.resets)
+        densities = self._window.densities.read(0, len(self._window.densities))["psd"].copy()
         space, height_m = self._window.space, self.settings.height_m
-        smoothed = tracks.smooth(space, self._buffer, starts, densities, height_m)
+        smoothed = tracks.smooth(space, self._buffer, begins, densities, height_m)
         parts = [self._window.track(*part) for part in smoothed]
         return np.concatenate([np.zeros(0, TRACK), *parts[::-1]])
 

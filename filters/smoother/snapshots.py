@@ -5,12 +5,15 @@ that may come. What its rows were decided to be is final then. Of the final ones
 anchor: the flight is smoothed from mark to mark.
 """
 
-from collections.abc import Iterator
+from array import array
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from filters.models.rows import CHANNELS, TRACK
+from filters.models.store import Store
+from filters.smoother import status
 from filters.smoother.bank import Bank
 from filters.smoother.buffer import MeasurementBuffer
 from filters.smoother.hypothesis import Hypothesis, Moment
@@ -69,12 +72,21 @@ class Snapshot(NamedTuple):
     left: np.ndarray  # (k,) TRACK smoothed, epochs decided when the cell before ended
 
 
+def mark_type(states: int, sensors: int) -> np.dtype:
+    """As which the anchor of a mark is stored."""
+    memory = status.fresh_memory(sensors).shape
+    return np.dtype(
+        [("t_ns", "i8"), ("x", "f8", (states,)), ("P", "f8", (states, states)), ("memory", "f8", memory)]
+    )
+
+
 class Snapshots:
     """See the module's text."""
 
-    def __init__(self, progress: Progress):
+    def __init__(self, progress: Progress, marks: Store):
         self._kept = [Snapshot(progress.copy(), 0, 0, np.zeros(0, TRACK))]
-        self.marks: list[tuple[int, Moment]] = []  # row, and the state before it
+        self._rows, self._marked_ns = array("q"), LONG_AGO_NS  # of the marks; the time of the newest
+        self._marks = marks  # the states before these rows, of `mark_type`
 
     @property
     def oldest_ns(self) -> int:
@@ -103,8 +115,28 @@ class Snapshots:
         best = oldest.progress.best
         if best is None:
             return
-        if not self.marks or best.anchor.t_ns >= self.marks[-1][1].t_ns + MARK_NS:
-            self.marks.append((oldest.decided, best.anchor))
+        anchor = best.anchor
+        if anchor.t_ns < self._marked_ns + MARK_NS:
+            return
+        mark_of = mark_type(len(anchor.x), len(anchor.memory))
+        self._marks.append(np.array([tuple(anchor)], mark_of))
+        self._rows.append(oldest.decided)
+        self._marked_ns = anchor.t_ns
+
+    def begins(self, resets: Sequence[Reset]) -> Iterator[tuple[int, Moment, bool]]:
+        """Where the flight is smoothed from, the last first: a row, the state before it, and whether that
+        is one of the ``resets``, which know nothing of the rows before.
+        """
+        rows = np.array([*self._rows, *(reset.row for reset in resets)], np.int64)
+        for k in np.argsort(rows, kind="stable")[::-1].tolist():
+            if k < len(self._rows):
+                yield int(rows[k]), self._mark_at(k), False
+            else:
+                yield int(rows[k]), resets[k - len(self._rows)].anchor, True
+
+    def _mark_at(self, k: int) -> Moment:
+        mark = self._marks.read(k, k + 1)[0]
+        return Moment(int(mark["t_ns"]), *(mark[name].copy() for name in ("x", "P", "memory")))
 
     def end(self) -> list[np.ndarray]:
         """What was smoothed and is not final yet; no late row may follow."""

@@ -1,6 +1,6 @@
 """Tracks as they are published: by the time most clocks agree on, and over the whole flight."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 
@@ -8,7 +8,7 @@ from filters.models import motion
 from filters.models.state import Model
 from filters.smoother import passes
 from filters.smoother.buffer import MeasurementBuffer, Outcome, Rows, epochs
-from filters.smoother.hypothesis import Workspace
+from filters.smoother.hypothesis import Moment, Workspace
 from filters.smoother.start import TOGETHER_NS, places
 
 HALF_QUALITY_M = 10.0  # position 1-sigma at which quality is 50
@@ -53,19 +53,22 @@ def known(model: Model, x: np.ndarray, P: np.ndarray, factor: float = 1.0) -> np
 
 
 def smooth(
-    space: Workspace, buffer: MeasurementBuffer, starts: dict, densities: np.ndarray, height_m: float
+    space: Workspace,
+    buffer: MeasurementBuffer,
+    begins: Iterable[tuple[int, Moment, bool]],
+    densities: np.ndarray,
+    height_m: float,
 ) -> Iterator[tuple[np.ndarray, ...]]:
     """Times (k,), states (k, n) and covariances (k, n, n) of a flight's epochs, part by part, the last first.
 
-    ``starts``: row → (`Moment` to go forward from there, whether it knows nothing of the rows before);
-    ``height_m`` that is known beforehand, or NaN.
+    ``begins``, the last first: row, `Moment` to go forward from there, whether it knows nothing of the rows
+    before; of several for one row the first counts. ``height_m`` that is known beforehand, or NaN.
     Full covariances of a whole flight would not fit into memory: hence the parts.
     """
     model, n, end = space.model, len(space.model.prior), buffer.size
     r, N = np.zeros(n), np.zeros((n, n))
     unused = passes.scores()
-    for begin in sorted(starts, reverse=True):
-        at, fresh = starts[begin]
+    for begin, at, fresh in begins:
         if begin >= end:
             continue
         rows, own = _recalled(model, buffer, begin, end, height_m)

@@ -10,6 +10,7 @@ from filters.models import state as models
 from filters.models.motion import CORE
 from filters.models.rows import TRACK
 from filters.models.settings import Settings
+from filters.models.store import InMemory, Keep
 from filters.smoother import gated, passes, start, status, tracks
 from filters.smoother.bank import PROOF_NS, Bank
 from filters.smoother.buffer import MeasurementBuffer, Rows, epochs
@@ -20,15 +21,24 @@ SPEED_LOST_MPS = start.SPEED_SIGMA_MPS  # a prediction that knows less than a st
 LOST_FACTOR = 5.0  # of what may be published: beyond, rows are better taken for a start
 SILENCE_NS = 250_000_000  # since the newest row, from which a gap may be one
 TURNS = 4  # re-decisions for one of the banks without a sensor
+DENSITIES = np.dtype([("psd", "f8", (4,))])
 RECENT_ROWS, RECENT_SCANS = 64, 6  # of a sensor before the window, and in all, that tell its scan
 
 
 class Window:
     """See the module's text. ``robust``: rows are judged again; other methods stay with their first sight."""
 
-    def __init__(self, space: Workspace, buffer: MeasurementBuffer, progress: Progress, *, robust: bool):
+    def __init__(
+        self,
+        space: Workspace,
+        buffer: MeasurementBuffer,
+        progress: Progress,
+        keep: Keep = InMemory,
+        *,
+        robust: bool,
+    ):
         self.space, self.buffer, self.now, self.robust = space, buffer, progress, robust
-        self.densities = [np.zeros((0, 4))]  # of the motion, of every window that was decided
+        self.densities = keep(DENSITIES)  # of the motion, of every window that was decided
 
     def lag_ns(self, settings: Settings) -> int:
         """How long later rows may change a decision: some scans of the slowest sensor that is speaking."""
@@ -150,8 +160,8 @@ class Window:
         left = self.track(rows.t[first], out.x[first].copy(), out.P[first].copy())
         self._count(rows, cut)
         made = buffer.made(buffer.decided, buffer.decided + cut)
-        made.regime[:] += 2 * (len(self.densities) - 1)
-        self.densities.append(now.best.densities())
+        made.regime[:] += len(self.densities)
+        self.densities.append(now.best.densities().view(DENSITIES)[:, 0])
         seconds = (int(rows.t[cut - 1]) - now.best.anchor.t_ns) * 1e-9
         for bank in now.banks:
             if bank.best is not None:
