@@ -21,9 +21,11 @@ from gcs.contract import config, messages
 from gcs.contract.config import Station
 from gcs.contract.frames import Frame, scene
 from gcs.contract.messages import PolarMeasurement
+from gcs.outputs.disk import to_operator
 from gcs.outputs.publish import Publisher
 from gcs.outputs.record import Record
 from gcs.station.health import Files, Monitor
+from gcs.station.scratch import Scratch
 from gcs.station.session import Session
 
 RATES_HZ = {"ins": 35.0, "theo-north": 20.0, "theo-east": 20.0, "radar-1": 20.0}
@@ -54,7 +56,10 @@ def run(seconds: float, *, trace: bool) -> dict:
         file.write_text(live.STATION + EAST)
         station, frame = config.load(file), Frame(*live.ORIGIN)
         sink = Publisher(frame, Monitor(list(RATES_HZ), Files()), [_encoded])
-        session = Session(station, frame, [Record(Path(folder, "run"), station, frame), sink])
+        scratch = Scratch(Path(folder), to_operator)
+        session = Session(
+            station, frame, [Record(Path(folder, "run"), station, frame), sink], keep=scratch.keep
+        )
         session.supervise()
         session.estimator.warm_up()
         before = _handles()
@@ -78,6 +83,7 @@ def run(seconds: float, *, trace: bool) -> dict:
         left = tuple(after - b for after, b in zip(_handles(), before, strict=True))
         print(f"growth {growth:.1f} MB per hour of flight; {left[0]} more handles, {left[1]} more threads")
         session.finish({})
+        scratch.end()
     return {"mb_per_hour": growth, "handles": left[0], "threads": left[1]}
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from filters.correction.correction import off
+from filters.models.store import InMemory, Keep
 from gcs.commands.compiled import prepare
 from gcs.contract import messages
 from gcs.contract.config import Station
@@ -126,11 +127,12 @@ def new_session(
     send_to: Sequence[Target],
     monitor: Monitor,
     correction: Callable = off,
+    keep: Keep = InMemory,
 ) -> Session:
-    """A session with its sinks, compiled and ready for the first measurement."""
+    """A session with its sinks, compiled and ready for the first measurement; ``keep`` as `Session`'s."""
     publishers = [Publisher(frame, monitor, send_to)] if send_to else []
     sinks: list[Sink] = [*publishers, *records, Console()]  # who waits for a state does not wait for files
     prepare()
-    session = Session(station, frame, sinks, method, correction)
+    session = Session(station, frame, sinks, method, correction, keep)
     session.estimator.warm_up()
     return session

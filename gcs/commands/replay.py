@@ -36,8 +36,10 @@ from gcs.contract.messages import InputError
 from gcs.learning.network import correction_of
 from gcs.outputs.console import say
 from gcs.outputs.diary import Diary
+from gcs.outputs.disk import to_operator
 from gcs.outputs.record import Record, stamp
 from gcs.station.health import Files, Monitor
+from gcs.station.scratch import Scratch
 from gcs.station.session import Session, Sink
 from gcs.station.sources import replay as driver
 from gcs.station.sources.playback import Playback
@@ -77,7 +79,9 @@ def command(
     folder = run_folder(out or Path("logs/runs") / stamp(loaded.start_ns))
     playback = Playback(loaded.start_ns, loaded.end_ns, loaded.times_ns, pace)
     records: list[Record] = []
+    scratch = Scratch(folder, to_operator)
     with ExitStack() as stack:
+        stack.callback(scratch.end)
         bus = stack.enter_context(open_bus(heard)) if publish else None
         if bus:
             introduce(bus, heard, frame)
@@ -93,7 +97,7 @@ def command(
             records.append(Record(folder, heard, frame, announcer(send_to)))
             monitor = Monitor(heard.sources, Files())
             kept: list[Sink] = [records[-1], Diary(folder, monitor)]
-            return new_session(heard, frame, kept, estimator, send_to, monitor, learned)
+            return new_session(heard, frame, kept, estimator, send_to, monitor, learned, scratch.keep)
 
         on_signal(playback.stop)
         summary = driver.run(loaded, session, playback, stay=view)

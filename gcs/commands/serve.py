@@ -29,6 +29,7 @@ from gcs.outputs.record import stamp
 from gcs.outputs.recording import RunRecorder
 from gcs.outputs.terminal import unhindered
 from gcs.station.health import Monitor
+from gcs.station.scratch import Scratch
 from gcs.station.session import Session, Sink
 from gcs.station.sources import live
 
@@ -80,7 +81,9 @@ def serve(
         told = [*send_to, _note, recorder.target]
         monitor = Monitor(station.sources, feeds, supervisor.health)
         records: list[Sink] = [recorder, Diary(folder, monitor, recorder.note, recorder.put)]
-        session = new_session(station, frame, records, method, told, monitor, correction)
+        scratch = Scratch(folder, recorder.note)
+        stack.callback(scratch.end)
+        session = new_session(station, frame, records, method, told, monitor, correction, scratch.keep)
         supervisor.others = session.supervise()
         introduce(bus, station, frame)
         if station.mavlink.link:

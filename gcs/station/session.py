@@ -14,6 +14,7 @@ from filters import methods
 from filters.correction.correction import off
 from filters.models.rows import Step
 from filters.models.settings import Settings
+from filters.models.store import InMemory, Keep
 from filters.screening.witness import Nobody, Witness
 from filters.smoother import status
 from gcs import __version__
@@ -57,7 +58,7 @@ class Sink(Protocol):
 
 
 class Session:
-    """One flight, from its first measurement to its summary."""
+    """One flight, from its first measurement to its summary; ``keep`` makes the places for what is final."""
 
     def __init__(
         self,
@@ -66,13 +67,14 @@ class Session:
         sinks: Sequence[Sink],
         method: str = "default",
         correction: Callable = off,
+        keep: Keep = InMemory,
     ):
         self.sensors = sensors_of(station, frame)
         self.ledger = Ledger([sensor.name for sensor in self.sensors], status.REASONS)
         self.intake = Intake(station, frame, self.ledger)
         self.align = Align(station.align.hold_s)
         settings = settings_of(station, frame)
-        self.estimator = Relay(partial(_make_estimator, method, self.sensors, settings, correction))
+        self.estimator = Relay(partial(_make_estimator, method, self.sensors, settings, correction, keep))
         self._settings = {
             "method": method,
             "learned_correction": correction is not off,
@@ -196,8 +198,10 @@ def says_something(track: np.ndarray) -> np.ndarray:
     return finite & known & possible
 
 
-def _make_estimator(method: str, sensors: list, settings: Settings, correction: Callable) -> Estimator:
+def _make_estimator(
+    method: str, sensors: list, settings: Settings, correction: Callable, keep: Keep
+) -> Estimator:
     try:
-        return methods.make(method, sensors, settings, correction)
+        return methods.make(method, sensors, settings, correction, keep)
     except ValueError as error:
         raise InputError(str(error)) from None
