@@ -82,9 +82,34 @@ def run(seconds: float, *, trace: bool) -> dict:
         growth = (seen[-1][0] - seen[0][0]) / (seconds * (PARTS - 1) / PARTS) * 3600.0
         left = tuple(after - b for after, b in zip(_handles(), before, strict=True))
         print(f"growth {growth:.1f} MB per hour of flight; {left[0]} more handles, {left[1]} more threads")
-        session.finish({})
+        _end(session)
         scratch.end()
     return {"mb_per_hour": growth, "handles": left[0], "threads": left[1]}
+
+
+def _end(session: Session) -> None:
+    """Finish it, and print what the best estimate takes: of memory that is not a file's."""
+    before_mb, most_mb, over = own_mb(), [0.0], threading.Event()
+
+    def watch() -> None:
+        while not over.wait(0.02):
+            most_mb[0] = max(most_mb[0], own_mb())
+
+    watching = threading.Thread(target=watch)
+    watching.start()
+    began = time.process_time()
+    session.finish({})
+    over.set()
+    watching.join()
+    print(
+        f"the end: {time.process_time() - began:.1f} s of work, {most_mb[0] - before_mb:.0f} MB more at most"
+    )
+
+
+def own_mb() -> float:
+    """Memory of this process that no file stands for, MB."""
+    pages = [int(word) for word in Path("/proc/self/statm").read_text().split()]
+    return (pages[1] - pages[2]) * os.sysconf("SC_PAGE_SIZE") / 1e6
 
 
 def _fly(session: Session, seconds: float, part: int) -> None:

@@ -20,6 +20,9 @@ class Store(Protocol):
     def read(self, begin: int, end: int) -> np.ndarray:
         """(end − begin,) of them; not to be written to."""
 
+    def whole(self) -> np.ndarray:
+        """All of them, in an array that need not lie in memory. No `append` may follow."""
+
 
 Keep = Callable[[np.dtype], Store]  # a new, empty store of records of this type
 
@@ -44,6 +47,9 @@ class InMemory:
 
     def read(self, begin: int, end: int) -> np.ndarray:
         return self._records[begin:end]
+
+    def whole(self) -> np.ndarray:
+        return self._records[: self._size]
 
     def drop(self, count: int) -> None:
         """Forget the first ``count``; the others are numbered anew."""

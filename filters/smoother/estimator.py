@@ -56,6 +56,7 @@ class FixedLagSmoother:
         psd = np.repeat([settings.jerk_psd, settings.gust_psd], 2)
         if np.isfinite(settings.height_m):  # a target that keeps its height
             psd[[1, 3]] = 0.0
+        self._keep = keep
         self._rule, self._robust = rule, rule.kind == gated.STATUS
         space, prior = Workspace(self.model, psd), Prior(settings.height_m, settings.height_sigma_m)
         others = range(len(sensors)) if self._robust and len(sensors) > 1 else ()
@@ -114,8 +115,10 @@ class FixedLagSmoother:
         densities = self._window.densities.read(0, len(self._window.densities))["psd"].copy()
         space, height_m = self._window.space, self.settings.height_m
         smoothed = tracks.smooth(space, self._buffer, begins, densities, height_m)
-        parts = [self._window.track(*part) for part in smoothed]
-        return np.concatenate([np.zeros(0, TRACK), *parts[::-1]])
+        best = self._keep(TRACK)
+        for part in smoothed:  # the last first
+            best.append(self._window.track(*part)[::-1])
+        return best.whole()[::-1]
 
     # ---- rows in, tracks out
 

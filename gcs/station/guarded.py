@@ -107,6 +107,8 @@ class Relay:
 
     def smooth(self) -> np.ndarray:
         last = self._now.smooth()
+        if not self._before:
+            return last  # not copied: of a day it is gigabytes, and may lie on the disk
         last["reset_counter"] += self._resets
         return np.concatenate([*self._before, last])
 

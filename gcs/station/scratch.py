@@ -1,4 +1,4 @@
-"""What is final of a flight, on the disk until its end: a day of it would not fit into memory.
+"""What is final of a flight, and its best estimate, on the disk: those of a day would not fit into memory.
 
 The files have no name: they go with the process, however it ends. A thread of its own writes them. What the
 disk has not taken yet, because it is slow, full or hangs, stays in memory, and nobody waits for it.
@@ -18,6 +18,7 @@ from gcs.contract.supervision import brief
 
 PERIOD_S = 0.1  # between two writes
 RETRY_S = 1.0  # … where the disk refuses
+PATIENCE_S = 5.0  # at the end, for a disk that takes nothing
 PIECE_BYTES = 2**25  # written at once; more waits only after the disk has refused for long
 
 
@@ -68,7 +69,7 @@ class OnDisk:
         self._file = TemporaryFile(dir=folder, buffering=0)  # noqa: SIM115 - open for as long as the store is
         weakref.finalize(self, self._file.close)
         self._kind, self._written, self._waiting = kind, 0, InMemory(kind)
-        self._lock = threading.Lock()  # over what is written and what waits
+        self._lock = threading.Condition()  # over what is written and what waits
 
     def __len__(self) -> int:
         with self._lock:
@@ -93,6 +94,16 @@ class OnDisk:
         past = np.frombuffer(data, self._kind)
         return np.concatenate([past, waiting]) if len(waiting) else past
 
+    def whole(self) -> np.ndarray:
+        """As `Store`: the file itself, once the disk has taken all. Where it will not, all is in memory."""
+        with self._lock:
+            while len(self._waiting) and self._lock.wait(PATIENCE_S):
+                pass  # woken after each piece that is written
+            written = self._written
+        if written < len(self) or not written:
+            return self.read(0, len(self))
+        return np.asarray(np.memmap(self._file, self._kind, "c", shape=written))
+
     def write(self) -> None:
         """Put on the disk what waits. Raises OSError; then it still waits."""
         size = self._kind.itemsize
@@ -107,3 +118,4 @@ class OnDisk:
             with self._lock:
                 self._waiting.drop(len(records))
                 self._written += len(records)
+                self._lock.notify_all()

@@ -32,6 +32,7 @@ from gcs.station.pace import Pace
 FOREVER_NS = np.iinfo(np.int64).max
 GUESS_M = 1_000.0  # 1 sigma: worse than this, dead reckoning too says nothing that an operator can use
 LOW, HIGH = np.array([limits.CHANNEL[name] for name in INS_CHANNELS]).T  # of a state: position, velocity, …
+PIECE = 10_000  # states looked at together: a best estimate may have millions
 LOST_NS = 1_000_000_000  # of measurements without a state: the filter has lost the target
 
 
@@ -161,7 +162,7 @@ class Session:
         """Of (k,) TRACK those that say something; the rest is counted and goes nowhere."""
         if not len(track):
             return track
-        good = says_something(track)
+        good = np.concatenate([says_something(track[k : k + PIECE]) for k in range(0, len(track), PIECE)])
         self._senseless += int((~good).sum())
         return track if good.all() else track[good]
 

@@ -10,4 +10,4 @@ pytestmark = pytest.mark.slow
 def test_a_flight_leaves_no_handle_and_no_thread(capsys):
     found = long.run(12.0, trace=False)
     assert (found["handles"], found["threads"]) == (0, 0)
-    assert len(capsys.readouterr().out.splitlines()) == long.PARTS + 1
+    assert len(capsys.readouterr().out.splitlines()) == long.PARTS + 2

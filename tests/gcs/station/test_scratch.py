@@ -42,6 +42,7 @@ def place(tmp_path, monkeypatch):
     """A scratch below a folder, and what the operator was told of it."""
     monkeypatch.setattr(scratch, "PERIOD_S", 0.001)
     monkeypatch.setattr(scratch, "RETRY_S", 0.001)
+    monkeypatch.setattr(scratch, "PATIENCE_S", 0.1)
     told = []
     made = Scratch(tmp_path, lambda level, text: told.append((level, text)))
     yield made, told
@@ -72,6 +73,8 @@ def test_what_is_written_leaves_the_memory(place, tmp_path):
     store.append(records(0, 1000))
     until(lambda: not len(store._waiting))
     assert holds(store, 1000)
+    assert isinstance(store.whole().base, np.memmap)
+    assert np.array_equal(store.whole(), records(0, 1000))
     assert (told, list(tmp_path.iterdir())) == ([], [])  # and it has no name
 
 
@@ -94,6 +97,7 @@ def test_a_disk_that_refuses_costs_memory_alone_and_is_told_once(place, monkeypa
     until(lambda: told)
     store.append(records(10, 1000))
     assert holds(store, 1000)
+    assert np.array_equal(store.whole(), records(0, 1000))
     until(lambda: not len(store._waiting))
     assert holds(store, 1000)
     assert len(told) == 1
@@ -126,6 +130,7 @@ def test_nobody_waits_for_a_disk_that_hangs(place, monkeypatch):
     assert hangs.wait(WAIT_S)
     store.append(records(10, 500))
     assert holds(store, 500)
+    assert np.array_equal(store.whole(), records(0, 500))
     go_on.set()
     until(lambda: not len(store._waiting))
     assert holds(store, 500)
