@@ -7,7 +7,7 @@ from pathlib import Path
 
 from gcs.contract.messages import Event, Wind
 from gcs.outputs.disk import RunFile, Tell, to_operator
-from gcs.outputs.record import PATIENCE_S, quoted
+from gcs.outputs.record import quoted
 from gcs.station.health import Monitor
 from gcs.station.session import Update
 
@@ -61,7 +61,7 @@ class Diary:
 
     def _close(self) -> None:
         for file in self._files:
-            file.close(PATIENCE_S)
+            file.close()
             if file.lost:
                 self._tell("error", f"{file.path}: ends early, {file.lost} rows are missing")
 

@@ -17,6 +17,7 @@ from pathlib import Path
 from gcs.outputs.console import say
 
 RETRY_S = 1.0  # between two attempts on a disk that refuses; also how often a file is looked for at its place
+LAST_TRY_S = 3.0  # a file that its disk refuses is tried for so long at the end
 FLAGS = os.O_RDWR | os.O_CREAT | os.O_APPEND
 WAITING_BYTES = 8 * 2**20  # of one file that wait for its disk: minutes of tables, half a minute of recording
 WAITING_WORK = 100_000  # rows and messages that wait for the writing thread: some minutes of a flight
@@ -86,9 +87,9 @@ class RunFile:
             except OSError as error:
                 self._tell("error", f"{self.path}: {error.strerror}; the disk may not hold what was written")
 
-    def close(self, patience_s: float = 0.0) -> bool:
-        """The end, tried for ``patience_s``; false where the disk would not take all."""
-        until_s = time.monotonic() + patience_s
+    def close(self) -> bool:
+        """The end, tried for ``LAST_TRY_S``; false where the disk would not take all."""
+        until_s = time.monotonic() + LAST_TRY_S
         self.flush()
         while self._waiting and time.monotonic() < until_s:
             time.sleep(RETRY_S / 10)

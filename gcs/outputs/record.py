@@ -22,7 +22,6 @@ TRACK_HEADER = (
 )
 TRACK_LINE = "%d,%.9f,%.9f,%.4f" + ",%.4f" * 15 + ",%d,%d,%s,%s,%d\n"  # 0.1 mm; 1e-9 degrees is 0.1 mm
 PIECE = 10_000  # rows made into text at a time
-PATIENCE_S = 3.0  # a file that its disk refuses is tried for so long at the end
 VERDICT_HEADER = "t_ns,sensor,channel,value,predicted,sigma,weight,verdict,reason\n"
 
 
@@ -60,7 +59,7 @@ class Record:
             self._replace("station.toml", [self._station])
         files = self._track, self._smoothed, self._verdicts
         for file in files:
-            file.close(PATIENCE_S)
+            file.close()
         missing = self.missing
         missing |= {file.path.name: file.lost for file in files if file.lost} | summary.get("not_written", {})
         pieces = (best[k : k + PIECE] for k in range(0, len(best), PIECE))

@@ -33,7 +33,6 @@ FLUSH_S = 0.2  # a kill costs at most so much, and what has come in since the la
 SYNC_S = 1.0  # … and a power cut: the disk itself is asked less often, for a write may have to wait meanwhile
 CHUNK_BYTES = 2**26  # more than comes in within FLUSH_S: a chunk ends where we say, between two turns
 PATIENCE_S = 20.0  # at the end, for a disk that is slow
-LAST_TRY_S = 3.0  # … for one that refuses
 SHOWN = ("state", "event")  # subjects that are recorded, for Foxglove
 MEASUREMENTS = (InsMeasurement, PolarMeasurement, AirData)
 
@@ -231,8 +230,8 @@ class RunRecorder:
 
     def _end(self) -> None:
         self._mcap.end()
-        self._link.close(LAST_TRY_S)
-        self._mcap.file.close(LAST_TRY_S)
+        self._link.close()
+        self._mcap.file.close()
         for file in (self._link.file, self._mcap.file):
             if file.lost:
                 self._notes.append(

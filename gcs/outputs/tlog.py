@@ -21,5 +21,5 @@ class LinkLog:
     def take(self, arrival_ns: int, frame: bytes) -> None:
         self.file.write(struct.pack(">Q", arrival_ns // 1000 & ~LINK_BITS) + frame)
 
-    def close(self, patience_s: float = 0.0) -> None:
-        self.file.close(patience_s)
+    def close(self) -> None:
+        self.file.close()

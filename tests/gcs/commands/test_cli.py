@@ -191,7 +191,7 @@ def test_a_replay_whose_folder_is_incomplete_has_failed(monkeypatch, capsys, tmp
     out = tmp_path / "run"
     arguments = ["gcs", "replay", "--station", STATION, "--feed", f"theo-north={FEED}", "--out", out]
     monkeypatch.setattr(sys, "argv", list(map(str, arguments)))
-    monkeypatch.setattr("gcs.outputs.record.PATIENCE_S", 0.0)
+    monkeypatch.setattr("gcs.outputs.disk.LAST_TRY_S", 0.0)
     full = Path("/dev/full")
     open_file = os.open
     monkeypatch.setattr(

@@ -7,7 +7,7 @@ import pytest
 
 from filters.models.rows import TRACK
 from gcs.contract.messages import Event, Wind
-from gcs.outputs import diary as diary_module
+from gcs.outputs import disk
 from gcs.outputs.diary import Diary, error_lines
 from gcs.station.health import Files, Monitor
 from gcs.station.ledger import Ledger
@@ -67,7 +67,7 @@ def test_the_writing_is_left_to_who_has_the_time(tmp_path):
 
 
 def test_rows_that_a_full_disk_does_not_take_are_told(tmp_path, monkeypatch):
-    monkeypatch.setattr(diary_module, "PATIENCE_S", 0.0)
+    monkeypatch.setattr(disk, "LAST_TRY_S", 0.0)
     (tmp_path / "events.csv").symlink_to("/dev/full")
     told = []
     diary = Diary(tmp_path, Monitor(["ins", "theo"], Files()), lambda _, text: told.append(text))

@@ -16,6 +16,7 @@ from gcs.outputs.disk import Beside, RunFile, replace
 def at_once(monkeypatch):
     """A disk that refuses is tried at every write."""
     monkeypatch.setattr(disk, "RETRY_S", 0.0)
+    monkeypatch.setattr(disk, "LAST_TRY_S", 0.01)
 
 
 @contextmanager
@@ -73,7 +74,7 @@ def test_a_disk_that_stays_full_is_given_up_at_the_end(tmp_path):
     file = RunFile(tmp_path / "track.csv", told)
     file.write(b"1\n2\n3\n", 3)
     file.write(b"4\n")
-    assert not file.close(patience_s=0.01)
+    assert not file.close()
     assert file.lost == 4
     assert told == [("error", f"{tmp_path}/track.csv: No space left on device; it is tried again every 0 s")]
 

@@ -9,7 +9,7 @@ import pytest
 from filters.models.rows import TRACK
 from gcs.contract import config
 from gcs.contract.frames import Frame
-from gcs.outputs import disk, record
+from gcs.outputs import disk
 from gcs.outputs.record import TRACK_HEADER, Record
 from gcs.station.ledger import Ledger
 from gcs.station.session import Update
@@ -29,7 +29,7 @@ def update():
 def begin(monkeypatch):
     """Opens a record; what its operator is told goes into a list."""
     monkeypatch.setattr(disk, "RETRY_S", 0.0)
-    monkeypatch.setattr(record, "PATIENCE_S", 0.0)
+    monkeypatch.setattr(disk, "LAST_TRY_S", 0.0)
 
     def begin(folder: Path) -> tuple[Record, list[str]]:
         told: list[str] = []
