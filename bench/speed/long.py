@@ -10,6 +10,7 @@ import tempfile
 import threading
 import time
 import tracemalloc
+from contextlib import ExitStack
 from pathlib import Path
 
 import msgspec
@@ -51,15 +52,13 @@ CIRCLE_S = 40.0 * np.pi  # of ``live.measure``: then the flight is where it was
 
 def run(seconds: float, *, trace: bool) -> dict:
     """Fly and print; gives growth in MB per hour of flight after the first part, handles and threads."""
-    with tempfile.TemporaryDirectory() as folder:
+    with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
         file = Path(folder, "station.toml")
         file.write_text(live.STATION + EAST)
         station, frame = config.load(file), Frame(*live.ORIGIN)
         sink = Publisher(frame, Monitor(list(RATES_HZ), Files()), [_encoded])
-        scratch = Scratch(Path(folder), to_operator)
-        session = Session(
-            station, frame, [Record(Path(folder, "run"), station, frame), sink], keep=scratch.keep
-        )
+        keep = stack.enter_context(Scratch(Path(folder), to_operator)).keep
+        session = Session(station, frame, [Record(Path(folder, "run"), station, frame), sink], keep=keep)
         session.supervise()
         session.estimator.warm_up()
         before = _handles()
@@ -83,7 +82,6 @@ def run(seconds: float, *, trace: bool) -> dict:
         left = tuple(after - b for after, b in zip(_handles(), before, strict=True))
         print(f"growth {growth:.1f} MB per hour of flight; {left[0]} more handles, {left[1]} more threads")
         _end(session)
-        scratch.end()
     return {"mb_per_hour": growth, "handles": left[0], "threads": left[1]}
 
 

@@ -79,9 +79,8 @@ def command(
     folder = run_folder(out or Path("logs/runs") / stamp(loaded.start_ns))
     playback = Playback(loaded.start_ns, loaded.end_ns, loaded.times_ns, pace)
     records: list[Record] = []
-    scratch = Scratch(folder, to_operator)
     with ExitStack() as stack:
-        stack.callback(scratch.end)
+        scratch = stack.enter_context(Scratch(folder, to_operator))
         bus = stack.enter_context(open_bus(heard)) if publish else None
         if bus:
             introduce(bus, heard, frame)
@@ -96,7 +95,7 @@ def command(
             send_to = targets(bus, shown)
             records.append(Record(folder, heard, frame, announcer(send_to)))
             monitor = Monitor(heard.sources, Files())
-            kept: list[Sink] = [records[-1], Diary(folder, monitor)]
+            kept: list[Sink] = [Diary(folder, monitor, records[-1].missing), records[-1]]
             return new_session(heard, frame, kept, estimator, send_to, monitor, learned, scratch.keep)
 
         on_signal(playback.stop)

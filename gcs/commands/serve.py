@@ -74,16 +74,14 @@ def serve(
         stack.callback(told_all.set)  # after the session's last word
         say("compiling the filter (once; cached for the next start)")
         feeds = live.BusFeeds(bus, station.sources, station.filter.lateness_s)
-        about = {"software": "gcs", "version": __version__, "method": method}
-        about["correction"] = "off" if correction is off else "on"
-        recorder = RunRecorder(folder, station, frame, _log, about)
+        recorder = RunRecorder(folder, station, frame, _log, _about(method, correction))
         stack.callback(recorder.end)
         told = [*send_to, _note, recorder.target]
         monitor = Monitor(station.sources, feeds, supervisor.health)
-        records: list[Sink] = [recorder, Diary(folder, monitor, recorder.note, recorder.put)]
-        scratch = Scratch(folder, recorder.note)
-        stack.callback(scratch.end)
-        session = new_session(station, frame, records, method, told, monitor, correction, scratch.keep)
+        diary = Diary(folder, monitor, recorder.missing, recorder.note, recorder.put)
+        keep = stack.enter_context(Scratch(folder, recorder.note)).keep
+        records: list[Sink] = [diary, recorder]
+        session = new_session(station, frame, records, method, told, monitor, correction, keep)
         supervisor.others = session.supervise()
         introduce(bus, station, frame)
         if station.mavlink.link:
@@ -102,6 +100,12 @@ def serve(
             say("the flight is over; the view stays until Ctrl-C")
             stop.wait()
     _take_leave(folder, supervisor)
+
+
+def _about(method: str, correction: Callable) -> dict[str, str]:
+    """What the recording says of itself."""
+    learned = "off" if correction is off else "on"
+    return {"software": "gcs", "version": __version__, "method": method, "correction": learned}
 
 
 def _take_leave(folder: Path, supervisor: Supervisor) -> None:

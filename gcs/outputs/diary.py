@@ -1,6 +1,7 @@
 """What was told while it ran, beside the record of the values: events.csv, wind.csv, errors.csv."""
 
 import math
+from collections import Counter
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
@@ -27,12 +28,20 @@ def at_once(work: Callable[[], object], _size: int, _rows: dict[str, int]) -> No
 class Diary:
     """A sink, killed in the middle like the record: what was told is there.
 
-    Whatever the disk does, nothing is raised, and ``tell`` is given what an operator should know. ``put`` has
-    the writing done; in a live run beside the fusion.
+    Whatever the disk does, nothing is raised, and ``tell`` is given what an operator should know. Rows that
+    are lost are counted in ``missing``, the record's: the diary is closed before it. ``put`` has the writing
+    done; in a live run beside the fusion.
     """
 
-    def __init__(self, folder: Path, monitor: Monitor, tell: Tell = to_operator, put: Put = at_once):
-        self._monitor, self._tell, self._put = monitor, tell, put
+    def __init__(
+        self,
+        folder: Path,
+        monitor: Monitor,
+        missing: Counter[str],
+        tell: Tell = to_operator,
+        put: Put = at_once,
+    ):
+        self._monitor, self._missing, self._put = monitor, missing, put
         self._next_ns = 0
         self._files = [RunFile(folder / name, tell) for name in FILES]
         self._write([[header] for header in FILES.values()])
@@ -63,7 +72,7 @@ class Diary:
         for file in self._files:
             file.close()
             if file.lost:
-                self._tell("error", f"{file.path}: ends early, {file.lost} rows are missing")
+                self._missing[file.path.name] += file.lost
 
 
 def error_lines(t_ns: int, report: dict) -> Iterator[str]:
@@ -82,9 +91,3 @@ def _wind_line(wind: Wind) -> str:
     return (
         f"{wind.t_ns},{wind.speed_mps:.3f},{wind.from_deg:.2f},{worst:.3f},{wind.known:d},{','.join(own)}\n"
     )
-
-
-def _begin(path: Path, header: str):
-    file = path.open("w", encoding="utf-8", newline="\n")
-    file.write(header)
-    return file

@@ -1,6 +1,7 @@
 """The run folder: track.csv, smoothed.csv, verdicts.csv, summary.json and the resolved station file."""
 
 import json
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from itertools import chain
 from math import isfinite
@@ -34,7 +35,7 @@ class Record:
 
     def __init__(self, folder: Path, station: Station, frame: Frame, tell: Tell = to_operator):
         self._folder, self._frame, self._tell, self._station = folder, frame, tell, dump(station)
-        self.missing: dict[str, int] = {}  # rows by file, known at the end
+        self.missing = Counter[str]()  # rows by file, known at the end; of files of other sinks too
         (folder / "summary.json").unlink(missing_ok=True)  # no summary: the run did not end
         self._replace("station.toml", [self._station])
         self._track = self._open("track.csv", TRACK_HEADER)
@@ -61,7 +62,8 @@ class Record:
         for file in files:
             file.close()
         missing = self.missing
-        missing |= {file.path.name: file.lost for file in files if file.lost} | summary.get("not_written", {})
+        missing.update({file.path.name: file.lost for file in files if file.lost})
+        missing.update(summary.get("not_written", {}))
         pieces = (best[k : k + PIECE] for k in range(0, len(best), PIECE))
         if self._replace(
             "smoothed.csv", chain([TRACK_HEADER], (track_lines(p, self._frame) for p in pieces))

@@ -151,6 +151,11 @@ class RunRecorder:
 
     name = "record"  # for the operator
 
+    @property
+    def missing(self) -> Counter[str]:
+        """As the record's."""
+        return self._record.missing
+
     def __init__(self, folder: Path, station: Station, frame: Frame, tell: Tell, about: dict[str, str]):
         self._tell = tell
         self._notes: deque[tuple[str, str]] = deque()  # what the writing thread has to say

@@ -23,7 +23,10 @@ PIECE_BYTES = 2**25  # written at once; more waits only after the disk has refus
 
 
 class Scratch:
-    """Makes the stores of one run, on the disk of ``folder``; ``tell`` is told once if that refuses."""
+    """Makes the stores of one run, on the disk of ``folder``; ``tell`` is told once if that refuses.
+
+    After the end, as a context, no more is written; what there is can still be read.
+    """
 
     def __init__(self, folder: Path, tell: Callable[[str, str], None]):
         self._folder, self._tell, self._told = folder, tell, False
@@ -41,8 +44,10 @@ class Scratch:
         self._stores.add(store)
         return store
 
-    def end(self) -> None:
-        """Write no more. What there is can still be read."""
+    def __enter__(self) -> "Scratch":
+        return self
+
+    def __exit__(self, *_: object) -> None:
         self._over.set()
 
     def _run(self) -> None:

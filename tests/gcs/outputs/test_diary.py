@@ -1,6 +1,8 @@
 """What was told is kept: events, wind, systematic errors."""
 
 import csv
+import json
+from collections import Counter
 
 import numpy as np
 import pytest
@@ -9,9 +11,11 @@ from filters.models.rows import TRACK
 from gcs.contract.messages import Event, Wind
 from gcs.outputs import disk
 from gcs.outputs.diary import Diary, error_lines
+from gcs.outputs.recording import RunRecorder
 from gcs.station.health import Files, Monitor
 from gcs.station.ledger import Ledger
 from gcs.station.session import Update
+from tests.gcs.station import made
 
 S = 1_000_000_000
 NAMES = ("events", "wind", "errors")
@@ -33,7 +37,7 @@ def update(t_ns: int, *told) -> Update:
 
 
 def test_everything_told_is_a_row(tmp_path):
-    diary = Diary(tmp_path, Monitor(["ins", "theo"], Files()))
+    diary = Diary(tmp_path, Monitor(["ins", "theo"], Files()), Counter())
     wind = Wind(
         t_ns=3 * S, speed_mps=5.0, from_deg=270.0, e_mps=5.0, n_mps=0.0, covariance=(4.0, 0.0, 1.0),
         known=True, airspeed_scale=1.0,
@@ -56,7 +60,7 @@ def test_everything_told_is_a_row(tmp_path):
 def test_the_writing_is_left_to_who_has_the_time(tmp_path):
     """As in a live run: the fusion does not wait for the disk."""
     left = []
-    diary = Diary(tmp_path, Monitor(["ins", "theo"], Files()), put=lambda *work: left.append(work))
+    diary = Diary(tmp_path, Monitor(["ins", "theo"], Files()), Counter(), put=lambda *work: left.append(work))
     diary.take(update(2 * S, Event(t_ns=2 * S, level="info", text="radar is back")))
     diary.take(update(2 * S + 1))  # nothing to write
     [(work, size, rows)] = left
@@ -66,15 +70,22 @@ def test_the_writing_is_left_to_who_has_the_time(tmp_path):
     assert "radar is back" in (tmp_path / "events.csv").read_text()
 
 
-def test_rows_that_a_full_disk_does_not_take_are_told(tmp_path, monkeypatch):
+def test_rows_that_a_full_disk_does_not_take_are_in_the_summary(tmp_path, monkeypatch):
     monkeypatch.setattr(disk, "LAST_TRY_S", 0.0)
     (tmp_path / "events.csv").symlink_to("/dev/full")
     told = []
-    diary = Diary(tmp_path, Monitor(["ins", "theo"], Files()), lambda _, text: told.append(text))
+    station, frame = made.station()
+    recorder = RunRecorder(tmp_path, station, frame, lambda _, text: told.append(text), made.ABOUT)
+    monitor = Monitor(["ins", "theo"], Files())
+    diary = Diary(tmp_path, monitor, recorder.missing, recorder.note, recorder.put)
     diary.take(update(2 * S, Event(t_ns=2 * S, level="info", text="radar is back")))
-    diary.close({}, np.zeros(0, TRACK))
+    for sink in (diary, recorder):
+        sink.close({}, np.zeros(0, TRACK))
+    recorder.end()
     assert "No space left" in told[0]
-    assert told[1:] == [f"{tmp_path / 'events.csv'}: ends early, 2 rows are missing"]  # one is the header
+    missing = {"events.csv": 2}  # one is the header
+    assert json.loads((tmp_path / "summary.json").read_text())["not_written"] == missing
+    assert told[1:] == [f"{tmp_path}: the disk did not take all; missing rows: events.csv 2"]
 
 
 def test_angles_are_in_degrees():

@@ -44,9 +44,8 @@ def place(tmp_path, monkeypatch):
     monkeypatch.setattr(scratch, "RETRY_S", 0.001)
     monkeypatch.setattr(scratch, "PATIENCE_S", 0.1)
     told = []
-    made = Scratch(tmp_path, lambda level, text: told.append((level, text)))
-    yield made, told
-    made.end()
+    with Scratch(tmp_path, lambda level, text: told.append((level, text))) as made:
+        yield made, told
 
 
 def until(there) -> None:
@@ -106,12 +105,11 @@ def test_a_disk_that_refuses_costs_memory_alone_and_is_told_once(place, monkeypa
 
 def test_a_folder_that_cannot_be_written_to_costs_memory_alone(tmp_path):
     told = []
-    made = Scratch(tmp_path / "gone", lambda *said: told.append(said))
-    for _ in range(2):
-        store = made.keep(KIND)
-        store.append(records(0, 100))
-        assert holds(store, 100)
-    made.end()
+    with Scratch(tmp_path / "gone", lambda *said: told.append(said)) as made:
+        for _ in range(2):
+            store = made.keep(KIND)
+            store.append(records(0, 100))
+            assert holds(store, 100)
     assert len(told) == 1
 
 
