@@ -163,7 +163,8 @@ class Beside:
         self._work: deque[tuple[Callable[[], object], int]] = deque()
         self._size = 0
         self._changed = threading.Condition()
-        self._ended = False
+        self._ended = self._over = False
+        self._steps = 0  # done so far: pieces of work, and parts of one that takes long
         self._failure: Exception | None = None
         self._thread = threading.Thread(target=self._run, name="run folder", daemon=True)
         self._thread.start()
@@ -190,24 +191,42 @@ class Beside:
         if failure:
             raise failure
 
-    def wait(self, patience_s: float) -> None:
-        """Until all is done that has been put, for so long at most."""
+    def goes_on(self) -> None:
+        """Called by a piece of work that takes long, after each part of it: nothing hangs."""
         with self._changed:
-            self._changed.wait_for(lambda: self._size == 0, patience_s)
+            self._steps += 1
+            self._changed.notify_all()
+
+    def wait(self, patience_s: float) -> None:
+        """Until all is done that has been put, or nothing has gone on for so long."""
+        with self._changed:
+            self._wait_for(lambda: self._size == 0, patience_s)
 
     def end(self, patience_s: float) -> bool:
-        """Do what is left; false where it takes longer than ``patience_s``: the disk hangs."""
+        """Do what is left; false where nothing has gone on for ``patience_s``: the disk hangs."""
         with self._changed:
             self._ended = True
-            self._changed.notify()
-        self._thread.join(patience_s)
-        return not self._thread.is_alive()
+            self._changed.notify_all()
+            return self._wait_for(lambda: self._over, patience_s)
+
+    def _wait_for(self, done: Callable[[], bool], patience_s: float) -> bool:
+        seen, until_s = self._steps, time.monotonic() + patience_s
+        while not done():
+            if seen != self._steps:
+                seen, until_s = self._steps, time.monotonic() + patience_s
+            left_s = until_s - time.monotonic()
+            if left_s <= 0.0:
+                return False
+            self._changed.wait(left_s)
+        return True
 
     def _run(self) -> None:
         while True:
             with self._changed:
                 self._changed.wait_for(lambda: self._work or self._ended, IDLE_S)
                 if self._ended and not self._work:
+                    self._over = True
+                    self._changed.notify_all()
                     return
                 work, size = self._work.popleft() if self._work else (self._idle, 0)
             try:
@@ -216,4 +235,5 @@ class Beside:
                 self._failure = error
             with self._changed:
                 self._size -= size
+                self._steps += 1
                 self._changed.notify_all()

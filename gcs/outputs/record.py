@@ -2,7 +2,7 @@
 
 import json
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import chain
 from math import isfinite
 from pathlib import Path
@@ -30,11 +30,20 @@ class Record:
     """A sink that writes as it goes: killed in the middle, the folder holds all that was final.
 
     Whatever the disk does, nothing is raised: ``tell`` is given what an operator should know, and the summary
-    says under ``not_written`` how many rows of which file are missing.
+    says under ``not_written`` how many rows of which file are missing. ``goes_on`` is called now and then
+    while the best estimate is written: that of a day takes a minute.
     """
 
-    def __init__(self, folder: Path, station: Station, frame: Frame, tell: Tell = to_operator):
+    def __init__(
+        self,
+        folder: Path,
+        station: Station,
+        frame: Frame,
+        tell: Tell = to_operator,
+        goes_on: Callable[[], None] = lambda: None,
+    ):
         self._folder, self._frame, self._tell, self._station = folder, frame, tell, dump(station)
+        self._goes_on = goes_on
         self.missing = Counter[str]()  # rows by file, known at the end; of files of other sinks too
         (folder / "summary.json").unlink(missing_ok=True)  # no summary: the run did not end
         self._replace("station.toml", [self._station])
@@ -64,10 +73,7 @@ class Record:
         missing = self.missing
         missing.update({file.path.name: file.lost for file in files if file.lost})
         missing.update(summary.get("not_written", {}))
-        pieces = (best[k : k + PIECE] for k in range(0, len(best), PIECE))
-        if self._replace(
-            "smoothed.csv", chain([TRACK_HEADER], (track_lines(p, self._frame) for p in pieces))
-        ):
+        if self._replace("smoothed.csv", chain([TRACK_HEADER], self._best_lines(best))):
             missing["smoothed.csv"] = len(best)
         else:
             missing.pop("smoothed.csv", None)
@@ -76,6 +82,11 @@ class Record:
         if missing:
             lost = ", ".join(f"{name} {rows}" for name, rows in sorted(missing.items()))
             self._tell("error", f"{self._folder}: the disk did not take all; missing rows: {lost}")
+
+    def _best_lines(self, best: np.ndarray) -> Iterator[str]:
+        for k in range(0, len(best), PIECE):
+            self._goes_on()
+            yield track_lines(best[k : k + PIECE], self._frame)
 
     def _open(self, name: str, header: str) -> RunFile:
         file = RunFile(self._folder / name, self._tell)

@@ -32,7 +32,7 @@ LINK = "link.tlog"
 FLUSH_S = 0.2  # a kill costs at most so much, and what has come in since the last turn
 SYNC_S = 1.0  # … and a power cut: the disk itself is asked less often, for a write may have to wait meanwhile
 CHUNK_BYTES = 2**26  # more than comes in within FLUSH_S: a chunk ends where we say, between two turns
-PATIENCE_S = 20.0  # at the end, for a disk that is slow
+PATIENCE_S = 20.0  # at the end, for a disk that takes nothing: one that is slow has all the time
 SHOWN = ("state", "event")  # subjects that are recorded, for Foxglove
 MEASUREMENTS = (InsMeasurement, PolarMeasurement, AirData)
 
@@ -160,13 +160,13 @@ class RunRecorder:
         self._tell = tell
         self._notes: deque[tuple[str, str]] = deque()  # what the writing thread has to say
         self._folder = folder
-        self._record = Record(folder, station, frame, self.note)
-        self._link = LinkLog(folder / LINK, self.note)
         self._mcap = McapFile(RunFile(folder / RECORDING, self.note), station, about)
+        self._beside = Beside(self._mcap.tick)
+        self._record = Record(folder, station, frame, self.note, self._beside.goes_on)
+        self._link = LinkLog(folder / LINK, self.note)
         self._refused: Counter = Counter()  # by file
         self._behind = False
         self._turns = self._now_ns = 0
-        self._beside = Beside(self._mcap.tick)
 
     def turn(self, now_ns: int, arrived: Arrived) -> None:
         """The tap: called with each turn before anything is decided."""

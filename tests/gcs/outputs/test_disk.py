@@ -4,6 +4,7 @@ import os
 import resource
 import shutil
 import threading
+import time
 from contextlib import contextmanager
 
 import pytest
@@ -131,6 +132,24 @@ def test_beside_keeps_order_and_refuses_what_it_has_no_room_for(monkeypatch):
     gate.set()
     assert beside.end(10.0)
     assert done == [0, 1, 2, "end"]
+
+
+def test_beside_has_all_the_time_for_what_goes_on():
+    """The best estimate of a day takes longer to write than anybody waits for a disk that hangs."""
+    beside, done, patience_s = Beside(int), [], 1.0
+
+    def long_piece() -> None:
+        for part in range(5):
+            time.sleep(0.3)
+            beside.goes_on()
+            done.append(part)
+
+    beside.put(long_piece)
+    beside.wait(patience_s)
+    assert len(done) == 5
+    beside.put(long_piece)
+    assert beside.end(patience_s)
+    assert len(done) == 10
 
 
 def test_beside_takes_one_piece_of_any_size(monkeypatch):

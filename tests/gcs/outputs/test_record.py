@@ -9,7 +9,7 @@ import pytest
 from filters.models.rows import TRACK
 from gcs.contract import config
 from gcs.contract.frames import Frame
-from gcs.outputs import disk
+from gcs.outputs import disk, record
 from gcs.outputs.record import TRACK_HEADER, Record
 from gcs.station.ledger import Ledger
 from gcs.station.session import Update
@@ -45,6 +45,15 @@ def test_a_whole_run_says_that_nothing_is_missing(begin, tmp_path, update):
     assert json.loads((tmp_path / "summary.json").read_text()) == {"complete": True, "not_written": {}}
     assert len((tmp_path / "smoothed.csv").read_text().splitlines()) == 6
     assert told == []
+
+
+def test_while_a_long_best_estimate_is_written_it_says_that_it_goes_on(tmp_path, update, monkeypatch):
+    monkeypatch.setattr(record, "PIECE", 2)
+    parts = []
+    sink = Record(tmp_path, config.Station(), Frame(0.0, 0.0, 0.0), goes_on=lambda: parts.append(1))
+    sink.close({}, update.track)
+    assert len(parts) == 3
+    assert len((tmp_path / "smoothed.csv").read_text().splitlines()) == 6
 
 
 def test_a_full_disk_is_told_counted_and_survived(begin, tmp_path, update):
