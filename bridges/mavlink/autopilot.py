@@ -95,8 +95,12 @@ def geoid_separation_m(fix_type: Number, alt: Number, alt_ellipsoid: Number) -> 
 
 
 def wind_en(direction: Number, speed: Number) -> tuple[Number, Number]:
-    """(east, north) m/s, where the air goes, of ArduPilot's WIND (degrees it comes from, m/s)."""
-    return -speed * np.sin(np.radians(direction)), -speed * np.cos(np.radians(direction))
+    """(east, north) m/s, where the air goes, of ArduPilot's WIND (degrees it comes from, m/s).
+
+    Of a direction that is no number it is none.
+    """
+    with np.errstate(invalid="ignore"):  # a damaged frame may say inf
+        return -speed * np.sin(np.radians(direction)), -speed * np.cos(np.radians(direction))
 
 
 def wind_cov_en(wind_x: Number, wind_y: Number) -> tuple[Number, Number]:

@@ -1,5 +1,7 @@
 """What autopilots mean, and what some of them get wrong."""
 
+import warnings
+
 import numpy as np
 import pytest
 
@@ -48,3 +50,10 @@ def test_geoid_separation_needs_a_fix_and_a_sender_that_knows():
     fix_type, ellipsoid = np.array([1, 3, 3, 3]), np.array([535_300, 0, 535_300, -9_000_000])
     separation = autopilot.geoid_separation_m(fix_type, alt, ellipsoid)
     assert separation == pytest.approx([np.nan, np.nan, 47.3, np.nan], nan_ok=True)
+
+
+def test_a_wind_from_a_direction_that_is_no_number_is_none_and_warns_nobody():
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert np.isnan(autopilot.wind_en(np.float32(np.inf), np.float32(3.0))).all()
+        assert np.isnan(autopilot.wind_en(np.full(2, np.inf), np.full(2, 3.0))).all()
