@@ -16,7 +16,10 @@ from pathlib import Path
 
 from mcap.reader import make_reader
 
+from bridges.tlog import tlog
+from gcs.commands.demo import FLIGHT
 from gcs.contract import config
+from gcs.contract.messages import InputError
 from gcs.outputs.console import say
 from gcs.outputs.disk import RunFile, to_operator
 from gcs.outputs.recording import McapFile
@@ -28,7 +31,11 @@ GCS = [sys.executable, "-m", "gcs"]
 
 
 def run(seconds: float, kills: int, seed: int = 1) -> None:
-    """All three, one line each."""
+    """All three, one line each. Raises ``InputError`` for more seconds than the sample flight has."""
+    log = tlog.read(FLIGHT)
+    longest_s = (int(log.receipt_us[-1]) - int(log.receipt_us[0])) / 1e6
+    if seconds > longest_s:
+        raise InputError(f"--seconds {seconds:g}: the sample flight has {longest_s:.0f} s")
     with tempfile.TemporaryDirectory() as folder:
         whole = Path(folder, "whole")
         subprocess.run([*demo(whole), "--seconds", str(seconds)], check=True, capture_output=True)

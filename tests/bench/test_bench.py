@@ -10,7 +10,7 @@ from bench import accuracy, score
 from bench.cases import CASES, WRONG
 from bench.measure import follow, measure
 from bench.scene import Case, Patch, SimulatedFlight, fly
-from bench.speed import peers, speed
+from bench.speed import peers, recording, speed
 from filters.methods import make
 from filters.models.rows import ISOLATED, ROW, TRACK, USED, VERDICT
 from filters.simulation import scenario, simulate
@@ -156,6 +156,12 @@ def test_unknown_names_are_refused_with_the_known_ones():
         accuracy.run(names=("nonsense",))
     with pytest.raises(InputError, match=r"choose one of .*ukf.*wolf"):
         accuracy.run(methods=("nonsense",))
+
+
+def test_a_longer_recording_than_the_sample_flight_is_refused():
+    """It used to fly what there is, and the figures said nothing of it."""
+    with pytest.raises(InputError, match=r"--seconds 600: the sample flight has 148 s"):
+        recording.run(600.0, 0)
 
 
 @pytest.mark.slow
