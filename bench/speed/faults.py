@@ -92,7 +92,7 @@ def run(times: int, seed: int = 1) -> str:
         stack.enter_context(_environment())
         router = subprocess.Popen([sys.executable, "-c", ROUTER, live.ENDPOINT])
         stack.callback(router.kill)
-        bus = Bus.open("demo", "uav1", mode="client", endpoint=live.ENDPOINT, waiting=print)
+        bus = Bus.open("demo", "uav1", mode="client", endpoint=live.ENDPOINT, waiting=lambda _line: True)
         scene = Range(Path(folder), stack.enter_context(bus))
         scene.running["router"] = router
         stack.callback(lambda: [process.kill() for process in scene.running.values()])

@@ -10,13 +10,12 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import App, Parameter
 
 from bridges.instruments import KINDS
-from gcs.commands.compose import open_bus
+from gcs.commands.compose import open_bus, until_stopped
 from gcs.commands.options import Config, new_file, stopped
 from gcs.contract import config as configuration
 from gcs.contract.messages import InputError
 from gcs.contract.supervision import Supervisor
 from gcs.outputs import log
-from gcs.outputs.console import say
 from gcs.outputs.disk import to_operator
 from gcs.outputs.tlog import LinkLog
 
@@ -124,7 +123,7 @@ def _bridge(
     """
     stop = stopped()
     with (
-        open_bus(station, mode="client", waiting=say) as bus,
+        open_bus(station, mode="client", waiting=until_stopped(stop)) as bus,
         log.opened(None, [partial(bus.publish, "event")]),
         Supervisor(stop) as supervisor,
     ):

@@ -1,6 +1,7 @@
 """Puts the sinks of one run together: the record, the bus, the view, the terminal."""
 
 import json
+import threading
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -15,7 +16,7 @@ from gcs.contract import messages
 from gcs.contract.config import Station
 from gcs.contract.frames import Frame, scene
 from gcs.contract.messages import Event, InputError
-from gcs.outputs.console import Console
+from gcs.outputs.console import Console, say
 from gcs.outputs.disk import Tell, to_operator
 from gcs.outputs.publish import Publisher, Target
 from gcs.station.health import Monitor
@@ -39,6 +40,19 @@ def open_bus(station: Station, **options: Any) -> "Bus":
     said = station.bus
     settings: dict[str, Any] = {"mode": said.mode, "endpoint": said.endpoint, "media": media}
     return Bus.open(*names, **settings | {"tls": said.tls, "rates_hz": said.rates_hz} | options)
+
+
+def until_stopped(stop: threading.Event) -> Callable[[str], bool]:
+    """For a client of the bus: it waits for a router until ``stop``, and says so once."""
+    told = list[str]()
+
+    def again(line: str) -> bool:
+        if not told:
+            say(f"{line}; waiting for it")
+            told.append(line)
+        return not stop.is_set()
+
+    return again
 
 
 def introduce(bus: "Bus", station: Station, frame: Frame) -> None:

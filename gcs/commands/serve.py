@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from filters.correction.correction import off
 from gcs import __version__
-from gcs.commands.compose import introduce, new_session, open_bus, open_view, targets
+from gcs.commands.compose import introduce, new_session, open_bus, open_view, targets, until_stopped
 from gcs.commands.options import run_folder, seconds_of
 from gcs.contract import messages
 from gcs.contract.config import Station
@@ -61,7 +61,7 @@ def serve(
     folder = run_folder(out or Path("logs/runs") / stamp(time.time_ns()))
     with ExitStack() as stack:
         stack.enter_context(unhindered())
-        bus = stack.enter_context(open_bus(station))
+        bus = stack.enter_context(open_bus(station, waiting=until_stopped(stop)))
         shown = open_view(station, frame) if view else None
         if shown:
             stack.callback(shown.close)

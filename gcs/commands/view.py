@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import msgspec
 from cyclopts import Parameter
 
-from gcs.commands.compose import ground_picture, open_bus, other_course
+from gcs.commands.compose import ground_picture, open_bus, other_course, until_stopped
 from gcs.commands.options import Config, Overlay, stopped
 from gcs.contract import config as configuration
 from gcs.contract.messages import InputError
@@ -51,7 +51,7 @@ def command(
         def open_(name: str) -> "Bus":
             whose = msgspec.structs.replace(resolved.vehicle, name=name)
             one = msgspec.structs.replace(resolved, vehicle=whose)
-            return stack.enter_context(open_bus(one, mode="client", waiting=say))
+            return stack.enter_context(open_bus(one, mode="client", waiting=until_stopped(stop)))
 
         buses = {name: open_(name) for name in vehicle}
         said = ", ".join(f"{resolved.range.name}/{name}" for name in vehicle or ("*",))

@@ -84,14 +84,14 @@ class Bus:
         media: str = JSON,
         rates_hz: Mapping[str, float] = MappingProxyType({}),
         tls: TlsSection | None = None,
-        waiting: Callable[[str], None] | None = None,
+        waiting: Callable[[str], bool] = lambda _line: False,
     ) -> "Bus":
         """Join the bus.
 
         ``mode`` "router" listens on ``endpoint`` and carries everybody's messages; "client" and "peer"
         connect to it. (Peers joined only by a router do not hear one another: bridges are clients.)
-        Without a router there, a client calls ``waiting`` once with a line for the operator and tries
-        until one comes; ``waiting=None`` raises instead. Once joined, a client returns by itself.
+        Without a router there, a client asks ``waiting``, with a line for the operator, whether to try once
+        more; by default it raises instead, after 2 s. Once joined, a client returns by itself.
         ``rates_hz``: source → how many measurements a second are taken from it, "" for all others.
 
         Raises ``BusError``: bad name or endpoint, endpoint taken, no router.
@@ -103,14 +103,11 @@ class Bus:
                 bus = cls(zenoh.open(config), prefix, media, rates_hz)
             except zenoh.ZError as error:
                 line = _explain(mode, endpoint, error)
-                if waiting is None or mode == "router":
+                if mode == "router" or not waiting(line):
                     raise BusError(line) from error
             else:
                 bus._settled_s = time.monotonic() + (RETURN_S if mode == "router" else 0.0)
                 return bus
-            waiting(line)
-            waiting = _say_nothing
-            time.sleep(RETRY_S)
 
     def __enter__(self) -> "Bus":
         return self
@@ -253,17 +250,13 @@ def _name(name: str) -> str:
     return name
 
 
-def _say_nothing(_line: str) -> None:
-    pass
-
-
 def _config(mode: str, endpoint: str, tls: TlsSection | None) -> zenoh.Config:
     listens, retry_ms = mode == "router", int(RETRY_S * 1e3)
     settings = shown(tls, listens=listens) | {
         "mode": mode,
         "listen/endpoints": [endpoint] if listens else [],
         "connect/endpoints": [] if listens else [endpoint],
-        "connect/timeout_ms": retry_ms,
+        "connect/timeout_ms": LEASE_MS,  # of all attempts together: on a busy machine one takes a while
         "connect/exit_on_failure": True,
         "connect/retry": {"period_init_ms": retry_ms, "period_max_ms": retry_ms, "period_increase_factor": 1},
         "scouting/multicast/enabled": False,
@@ -287,7 +280,7 @@ def _config(mode: str, endpoint: str, tls: TlsSection | None) -> zenoh.Config:
 
 def _explain(mode: str, endpoint: str, error: zenoh.ZError) -> str:
     if mode != "router":
-        return f"no Zenoh router at {endpoint}: start the station (gcs run) or set [bus] endpoint"
+        return f"no Zenoh router at {endpoint}: start the station (gcs run) or zenohd, or set [bus] endpoint"
     if "in use" in str(error):
         return f"{endpoint} is in use: stop the other station or set [bus] endpoint to a free port"
     reason = str(error).split(" at /")[0].rsplit(": ", 1)[-1]

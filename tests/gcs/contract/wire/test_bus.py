@@ -19,7 +19,8 @@ pytestmark = pytest.mark.network
 
 PUBLISHER = """
 endpoint, count, source = sys.argv[1], int(sys.argv[2]), sys.argv[3]
-with Bus.open("demo", "uav1", mode="client", endpoint=endpoint, waiting=print) as bus:
+again = lambda line: print(line) or True
+with Bus.open("demo", "uav1", mode="client", endpoint=endpoint, waiting=again) as bus:
     bus.declare_alive(source)
     for number in range(count):
         bus.publish("raw", PolarMeasurement(t_ns=number, arrival_ns=0), source)
