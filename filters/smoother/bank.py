@@ -174,7 +174,9 @@ class Bank:
     def begin(self, rows: Rows) -> bool:
         """Try to find a first state in a window of ``rows``; whether there is one now."""
         fixes = sorted(self._starts(rows), key=lambda fix: -fix.log_evidence)
-        trials = [Trial(0.0, fix) for fix in fixes if (fix.own.weight > status.DOUBT).mean() >= GOOD_SHARE]
+        heard = rows.sensor != self.excluded
+        good = [(fix.own.weight[heard] > status.DOUBT).mean() >= GOOD_SHARE for fix in fixes]
+        trials = [Trial(0.0, fix) for fix, enough in zip(fixes, good, strict=True) if enough]
         if not trials:
             return False
         self._doubt(trials[0], trials)

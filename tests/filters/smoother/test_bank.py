@@ -94,6 +94,14 @@ def test_an_excluded_sensor_does_not_begin():
     assert begun([A, B], excluded=0)[2]
 
 
+def test_without_a_sensor_the_rows_of_the_others_count():
+    """Two thirds of all rows are the INS's: without it the instrument alone must be explained."""
+    one, rows, found = begun([INS, A], excluded=0)
+    assert (rows.sensor == 0).mean() > 0.5
+    assert found
+    assert off(one, rows)[1] < 5.0
+
+
 def test_a_start_stands_one_liar_of_three():
     def spoil(rows):
         rows.value[(rows.sensor == 0) & (rows.channel == RANGE)] += 150.0
