@@ -40,7 +40,9 @@ def follow(
     """Run ``rows`` through a fresh estimator, all at once or in the parts that stop at ``ends``."""
     steps = [one.step(part) for part in (np.split(rows, ends) if ends is not None else [rows])]
     steps.append(one.finish())
-    track, left, verdicts = (np.concatenate(column) for column in zip(*steps, strict=True))
+    track, left, verdicts = (
+        np.concatenate(column) for column in zip(*(step[:3] for step in steps), strict=True)
+    )
     return MethodRun(track, left, one.smooth(), verdicts[verdicts["final"]], one.report())
 
 

@@ -51,7 +51,7 @@ def follow(one, rows: np.ndarray, clock_ns: np.ndarray, batch_s: float = BATCH_S
     steps.append(one.finish())
     smoothed = one.smooth()
     cpu_s = time.process_time() - began
-    tracks, _, verdicts = zip(*steps, strict=True)
+    tracks, _, verdicts, *_ = zip(*steps, strict=True)
     return Run(_joined(tracks, TRACK), smoothed, _last(_joined(verdicts, VERDICT)), one.report(), cpu_s)
 
 

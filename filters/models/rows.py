@@ -51,6 +51,16 @@ VERDICT = np.dtype(
         ("final", "?"),
     ]
 )
+SEPARATION = np.dtype(
+    [
+        ("t_ns", "i8"),
+        ("sensor", "i2"),  # index into the estimator's sensors: the one that is left out
+        ("horizontal_m", "f8"),  # from the newest state to the one without this sensor
+        ("vertical_m", "f8"),
+        ("sigma_h_m", "f8"),  # 1 sigma of the one without it, in the horizontal direction known least
+        ("sigma_v_m", "f8"),
+    ]
+)
 
 
 class Sensor(NamedTuple):
@@ -73,6 +83,7 @@ class Step(NamedTuple):
     track: np.ndarray  # (k,) TRACK, one per new epoch, causal
     smoothed: np.ndarray  # (m,) TRACK, decisions final
     verdicts: np.ndarray  # (v,) VERDICT, new or changed
+    separation: np.ndarray = np.zeros(0, SEPARATION)  # (s,) some times a second, of states in ``track``
 
 
 def rehearsal(sensors: Sequence[Sensor]) -> np.ndarray:

@@ -6,7 +6,8 @@
                 ``lateness_s`` after that: final
 
 Beside the incumbent over all sensors, one bank for each sensor goes on without it: what that sensor says is
-judged by all others there, and the distance between the two states bounds the error that it can cause.
+judged by all others there, and the distance between the two states bounds the error that it can cause. Once a
+cell, that distance is told for each sensor.
 Everything follows from the rows in order of time. A late row winds the estimator back to the snapshot before
 it and goes on from there, so what is final does not depend on the order of arrival.
 """
@@ -18,7 +19,7 @@ import numpy as np
 from filters.correction import correction as corrections
 from filters.models import state as models
 from filters.models.motion import CORE
-from filters.models.rows import TRACK, Sensor, Step, rehearsal
+from filters.models.rows import SEPARATION, TRACK, Sensor, Step, rehearsal
 from filters.models.settings import Settings
 from filters.models.store import InMemory, Keep
 from filters.smoother import gated, start, status, tracks
@@ -65,6 +66,8 @@ class FixedLagSmoother:
         self._window = Window(space, self._buffer, progress, keep, robust=self._robust)
         self._snapshots = Snapshots(progress, keep(mark_type(len(self.model.prior), len(sensors))))
         self._smoothed: list[np.ndarray] = []  # and final, not handed out yet
+        self._apart = [np.zeros(0, SEPARATION)]  # not handed out yet
+        self._apart_ns = LONG_AGO_NS  # begin of the newest cell that it was told of
         self._told = gated.told(64, len(self.model.prior))
         self._newest_ns, self._fixed_ns = LONG_AGO_NS, 0
 
@@ -90,7 +93,8 @@ class FixedLagSmoother:
                 self._close(cell_ns)
             parts += self._take(buffer.done + int(np.searchsorted(t, cell_ns + CELL_NS)))
         verdicts = np.concatenate([refused, buffer.changes()])
-        return Step(np.concatenate(parts), self._take_smoothed(), verdicts)
+        apart, self._apart = np.concatenate(self._apart), self._apart[:1]
+        return Step(np.concatenate(parts), self._take_smoothed(), verdicts, apart)
 
     def finish(self) -> Step:
         """Decide what is left. No step may follow."""
@@ -187,23 +191,50 @@ class FixedLagSmoother:
         track = self._head_track(told, k)
         same = Rows(*(column[:count] for column in new))
         now.banks[0].take_along(same, told, self._rule)
-        apart: list[tuple[np.ndarray, np.ndarray] | None] = []
-        for bank in now.banks[1:]:
-            if bank.best is not None:
-                bank.take_along(same, told, self._rule)
-                bank.best.admit(same, told, self._rule, gated.NEVER_NS)
-                doubt = tracks.of_shift(told.x[:k], self._shift_variance)[:, :3, :3]
-                apart.append((told.x[:k, :3].copy(), told.P[:k, :3, :3] + doubt))
-            else:
-                apart.append(None)
-        protection.enter(track, apart)
+        without = [self._admit_without(bank, same, k) for bank in now.banks[1:]]
+        protection.enter(track, [one and (one[0][:, :3], one[1][:, :3, :3]) for one in without])
         self._buffer.done += count
         self._window.enter()
         fresh = track["t_ns"] > self._newest_ns
         self._newest_ns = max(self._newest_ns, int(track["t_ns"][-1]))
         good = tracks.known(self.model, track["x"], track["P"])
         now.was_known |= bool(good.any())
+        self._tell_apart(track, fresh & good, without)
         return track[fresh & good]
+
+    def _admit_without(self, bank: Bank, rows: Rows, k: int) -> tuple[np.ndarray, np.ndarray] | None:
+        """One of the banks without a sensor takes ``rows`` of ``k`` epochs.
+
+        Returns its states (k, n) with covariances (k, 6, 6) of position and velocity, None without a state.
+        """
+        if bank.best is None:
+            return None
+        told = self._told
+        bank.take_along(rows, told, self._rule)
+        bank.best.admit(rows, told, self._rule, gated.NEVER_NS)
+        x = told.x[:k].copy()
+        return x, told.P[:k, :6, :6] + tracks.of_shift(x, self._shift_variance)
+
+    def _tell_apart(self, track: np.ndarray, published: np.ndarray, without: list) -> None:
+        """Once a cell: how far a state that is ``published`` would move without each of the sensors.
+
+        ``without`` has `_admit_without` of each. There, too, the state is the one that would be published.
+        """
+        if not published.any():
+            return
+        at = int(np.argmax(published))
+        cell_ns = int(track["t_ns"][at]) // CELL_NS * CELL_NS
+        if cell_ns <= self._apart_ns:
+            return
+        self._apart_ns = cell_ns
+        for sensor, one in enumerate(without):
+            if one is None or not self._now.tally[sensor].any():  # nobody there who could be left out
+                continue
+            x, P = (part[at : at + 1] for part in one)
+            if tracks.known(self.model, x, P)[0]:
+                x = tracks.shifted(x, self._window.shift_s(x, sensor))
+                told = protection.separation(track[at : at + 1], sensor, x[:, :3], P[:, :3, :3])
+                self._apart.append(told)
 
     def _head_track(self, told: gated.Told, k: int) -> np.ndarray:
         """(k,) TRACK of the newest epochs."""

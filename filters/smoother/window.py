@@ -192,7 +192,8 @@ class Window:
         track["protection_h_m"] = track["protection_v_m"] = np.nan
         return tracks.polished(track, self.shift_s(x), models.common_variance(self.space.model))
 
-    def shift_s(self, x: np.ndarray) -> np.ndarray:
-        """(k,) of the time that most clocks agree on, by states (k, n)."""
+    def shift_s(self, x: np.ndarray, excluded: int = -1) -> np.ndarray:
+        """(k,) of the time that most clocks agree on, by states (k, n) that know nothing of ``excluded``."""
         model, heard = self.space.model, self.now.tally[..., 0].any(axis=1)
+        heard &= np.arange(len(heard)) != excluded
         return models.common_shift(model, x[:, model.clock_at], heard)

@@ -5,9 +5,13 @@ each sensor, a second estimator goes on without it. Where that sensor lies, the 
 between the two states plus the error of the one without it, which is K of its own sigmas at the stated risk.
 
     level = max over sensors ( |x − x₍₋ₛ₎| + K σ₍₋ₛ₎ )
+
+The distances themselves are told too: each says how much the state rests on that sensor.
 """
 
 import numpy as np
+
+from filters.models.rows import SEPARATION
 
 RISK = 1e-5  # of an error beyond the level, shared by all sensors
 LEVEL_K = 4.75  # sigmas: two-sided normal at RISK / 5 sensors
@@ -24,11 +28,26 @@ def enter(track: np.ndarray, apart: list[tuple[np.ndarray, np.ndarray] | None]) 
         return
     level_h, level_v = (LEVEL_K * sigma for sigma in _sigmas(track["P"][:, :3, :3]))
     for position, covariance in apart:
-        gap = track["x"][:, :3] - position
+        gap_h, gap_v = _distances(track["x"], position)
         sigma_h, sigma_v = _sigmas(covariance)
-        level_h = np.maximum(level_h, np.hypot(gap[:, 0], gap[:, 1]) + LEVEL_K * sigma_h)
-        level_v = np.maximum(level_v, np.abs(gap[:, 2]) + LEVEL_K * sigma_v)
+        level_h = np.maximum(level_h, gap_h + LEVEL_K * sigma_h)
+        level_v = np.maximum(level_v, gap_v + LEVEL_K * sigma_v)
     track["protection_h_m"], track["protection_v_m"] = level_h, level_v
+
+
+def separation(track: np.ndarray, sensor: int, position: np.ndarray, covariance: np.ndarray) -> np.ndarray:
+    """(k,) SEPARATION of ``track`` (k,) TRACK from the positions (k, 3), (k, 3, 3) without ``sensor``."""
+    out = np.zeros(len(track), SEPARATION)
+    out["t_ns"], out["sensor"] = track["t_ns"], sensor
+    out["horizontal_m"], out["vertical_m"] = _distances(track["x"], position)
+    out["sigma_h_m"], out["sigma_v_m"] = _sigmas(covariance)
+    return out
+
+
+def _distances(x: np.ndarray, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Horizontally (k,) and in height (k,), between states (k, ≥3) and positions (k, 3)."""
+    gap = x[:, :3] - position
+    return np.hypot(gap[:, 0], gap[:, 1]), np.abs(gap[:, 2])
 
 
 def _sigmas(covariance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

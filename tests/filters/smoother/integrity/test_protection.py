@@ -57,6 +57,14 @@ def test_k_is_that_of_the_risk_shared_by_five_sensors():
     assert pytest.approx(norm.isf(protection.RISK / 5 / 2), abs=0.02) == K
 
 
+def test_separation_is_the_distance_to_the_state_without_a_sensor():
+    state = track((1.0, 2.0, 3.0))
+    state["t_ns"] = 7
+    position, covariance = other((4.0, -2.0, 1.5), (0.5, 2.0, 0.3))
+    [told] = protection.separation(state, 2, position, covariance).tolist()
+    assert told == pytest.approx((7, 2, 5.0, 1.5, 2.0, 0.3))
+
+
 def test_each_epoch_has_its_own():
     out = np.concatenate([track(), track((10.0, 0.0, 0.0))])
     position, covariance = np.zeros((2, 3)), np.stack([np.eye(3), 4 * np.eye(3)])
