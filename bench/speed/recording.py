@@ -25,7 +25,7 @@ from gcs.outputs.disk import RunFile, to_operator
 from gcs.outputs.recording import McapFile
 from gcs.station.sources.recording import RECORDING, STATION, Recording
 
-TABLES = ("track.csv", "smoothed.csv", "verdicts.csv")
+TABLES = ("track.csv", "smoothed.csv", "verdicts.csv", "separation.csv")
 PORTS = "bus.endpoint=tcp/127.0.0.1:21447", "mavlink.link=udpin:127.0.0.1:21550"
 GCS = [sys.executable, "-m", "gcs"]
 

@@ -28,7 +28,7 @@ from gcs.station.sources import replay
 
 SAMPLE = Path(__file__).resolve().parents[2] / "logs" / "sample"
 NAMES = ("theo-north", "theo-east", "radar-1")
-FILES = ("track.csv", "smoothed.csv", "verdicts.csv", "summary.json")
+FILES = ("track.csv", "smoothed.csv", "verdicts.csv", "separation.csv", "summary.json")
 SEED = 11
 RUNS = 3
 SETTLED_S = 5.0  # errors are counted from here on: the start is a fix, not yet a filter

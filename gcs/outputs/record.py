@@ -1,4 +1,4 @@
-"""The run folder: track.csv, smoothed.csv, verdicts.csv, summary.json and the resolved station file."""
+"""The run folder: the tables of a flight as it goes on, its summary and the resolved station file."""
 
 import json
 from collections import Counter
@@ -22,6 +22,7 @@ TRACK_HEADER = (
     "protection_h_m,protection_v_m,ambiguous\n"
 )
 TRACK_LINE = "%d,%.9f,%.9f,%.4f" + ",%.4f" * 15 + ",%d,%d,%s,%s,%d\n"  # 0.1 mm; 1e-9 degrees is 0.1 mm
+SEPARATION_HEADER = "t_ns,sensor,horizontal_m,vertical_m,sigma_h_m,sigma_v_m\n"
 PIECE = 10_000  # rows made into text at a time
 VERDICT_HEADER = "t_ns,sensor,channel,value,predicted,sigma,weight,verdict,reason\n"
 
@@ -50,6 +51,7 @@ class Record:
         self._track = self._open("track.csv", TRACK_HEADER)
         self._smoothed = self._open("smoothed.csv", TRACK_HEADER)
         self._verdicts = self._open("verdicts.csv", VERDICT_HEADER)
+        self._separation = self._open("separation.csv", SEPARATION_HEADER)
 
     def take(self, update: Update) -> None:
         for file, track in ((self._track, update.track), (self._smoothed, update.smoothed)):
@@ -62,12 +64,17 @@ class Record:
             self._verdicts.write(lines.encode(), len(update.retired))
         else:
             self._verdicts.flush()
+        if len(update.separation):
+            text = separation_lines(update.separation, update.ledger)
+            self._separation.write(text.encode(), len(update.separation))
+        else:
+            self._separation.flush()
 
     def close(self, summary: dict, best: np.ndarray) -> None:
         """The best estimate takes the place of the window's view, and the summary says what is missing."""
         if not (self._folder / "station.toml").exists():  # somebody has taken the folder away
             self._replace("station.toml", [self._station])
-        files = self._track, self._smoothed, self._verdicts
+        files = self._track, self._smoothed, self._verdicts, self._separation
         for file in files:
             file.close()
         missing = self.missing
@@ -123,6 +130,14 @@ def verdict_lines(entries: np.ndarray, ledger: Ledger, remarks: Mapping[int, str
         for (t_ns, sensor, channel, verdict, weight), (value, predicted, sigma), reason in zip(
             zip(*columns, strict=True), numbers, reasons, strict=True
         )
+    )
+
+
+def separation_lines(separation: np.ndarray, ledger: Ledger) -> str:
+    """(n,) SEPARATION as lines of separation.csv."""
+    return "".join(
+        f"{t_ns},{ledger.sensors[sensor]}," + ",".join(f"{metres:.4f}" for metres in rest) + "\n"
+        for t_ns, sensor, *rest in separation.tolist()
     )
 
 

@@ -190,6 +190,7 @@ class RunRecorder:
             "track.csv": len(update.track),
             "smoothed.csv": len(update.smoothed),
             "verdicts.csv": len(update.retired),
+            "separation.csv": len(update.separation),
         }
         self.put(partial(self._record.take, update), 1 + sum(rows.values()), rows, wake=True)
         self._beside.check()

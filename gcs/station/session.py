@@ -12,7 +12,7 @@ import numpy as np
 
 from filters import methods
 from filters.correction.correction import off
-from filters.models.rows import Step
+from filters.models.rows import SEPARATION, Step
 from filters.models.settings import Settings
 from filters.models.store import InMemory, Keep
 from filters.screening.witness import Nobody, Witness
@@ -48,6 +48,7 @@ class Update(NamedTuple):
     report: Callable[[], dict] = dict  # the estimator's own, of this moment
     failed: bool = False  # measurements come, and no state can be told any more
     remarks: Mapping[int, str] | None = None  # texts of ``retired`` alone; the ledger soon forgets them
+    separation: np.ndarray = np.zeros(0, SEPARATION)  # (s,) of the newest states, where the method tells it
 
 
 class Sink(Protocol):
@@ -183,8 +184,9 @@ class Session:
         smoothed, retired = self._told_only(step.smoothed), self.ledger.retire()
         report = self.estimator.report
         update = Update(
-            step.track, smoothed, judged, retired, self.ledger, told, report, failed, self.ledger.parting
-        )
+            step.track, smoothed, judged, retired, self.ledger, told, report, failed, self.ledger.parting,
+            step.separation,
+        )  # fmt: skip
         for sink in self.sinks:
             sink.take(update)
 

@@ -50,7 +50,7 @@ def summary(folder) -> dict:
 
 def test_as_it_was_flown(live, replay):
     out, told = replay()
-    for name in ("track.csv", "smoothed.csv", "verdicts.csv", "station.toml"):
+    for name in ("track.csv", "smoothed.csv", "verdicts.csv", "separation.csv", "station.toml"):
         assert (out / name).read_bytes() == (live / name).read_bytes(), name
     assert summary(out)["settings"] == summary(live)["settings"]
     assert f"run folder: {out}" in told

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from filters.models.rows import TRACK
+from filters.models.rows import SEPARATION, TRACK
 from gcs.contract import config
 from gcs.contract.frames import Frame
 from gcs.outputs import disk, record
@@ -45,6 +45,19 @@ def test_a_whole_run_says_that_nothing_is_missing(begin, tmp_path, update):
     assert json.loads((tmp_path / "summary.json").read_text()) == {"complete": True, "not_written": {}}
     assert len((tmp_path / "smoothed.csv").read_text().splitlines()) == 6
     assert told == []
+
+
+def test_the_separation_of_each_sensor_is_a_row(begin, tmp_path, update):
+    told = np.array([(7, 0, 0.25, 0.5, 1.0, 2.0), (8, 0, 12.34567, 0.0, 1.0, 2.0)], SEPARATION)
+    sink, _ = begin(tmp_path)
+    sink.take(update)
+    for k in range(2):
+        sink.take(update._replace(separation=told[k : k + 1]))
+    assert (tmp_path / "separation.csv").read_text().splitlines() == [
+        "t_ns,sensor,horizontal_m,vertical_m,sigma_h_m,sigma_v_m",
+        "7,ins,0.2500,0.5000,1.0000,2.0000",
+        "8,ins,12.3457,0.0000,1.0000,2.0000",
+    ]
 
 
 def test_while_a_long_best_estimate_is_written_it_says_that_it_goes_on(tmp_path, update, monkeypatch):

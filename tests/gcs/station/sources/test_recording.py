@@ -21,7 +21,7 @@ from gcs.station.sources.playback import Playback
 from gcs.station.sources.recording import Recording
 from tests.gcs.station import made
 
-TABLES = ("track.csv", "smoothed.csv", "verdicts.csv", "station.toml")
+TABLES = ("track.csv", "smoothed.csv", "verdicts.csv", "separation.csv", "station.toml")
 
 
 def nobody(_level: str, text: str) -> None:
@@ -81,6 +81,7 @@ def test_the_replay_is_the_run(run, tmp_path):
     for name in TABLES:
         assert (tmp_path / name).read_bytes() == (folder / name).read_bytes(), name
     assert len((folder / "verdicts.csv").read_text().splitlines()) > 300
+    assert len((folder / "separation.csv").read_text().splitlines()) > 20
     assert "torn line" in (tmp_path / "verdicts.csv").read_text()
     assert again["verdicts"] == summary["verdicts"]
     assert again["unknown_sources"] == {"stranger": 1}

@@ -69,8 +69,19 @@ def test_every_value_has_exactly_one_verdict(run):
 def test_the_same_bits_however_the_data_are_cut(run, tmp_path):
     out, _, _ = run
     play(tmp_path, FEEDS, step_ns=70_000_000)
-    for name in ("track.csv", "smoothed.csv", "summary.json", "station.toml", "verdicts.csv"):
+    tables = ("track.csv", "smoothed.csv", "verdicts.csv", "separation.csv")
+    for name in (*tables, "summary.json", "station.toml"):
         assert (tmp_path / name).read_bytes() == (out / name).read_bytes(), name
+
+
+def test_the_separation_of_each_sensor_is_written_four_times_a_second(run):
+    out, flight, _ = run
+    rows = table(out / "separation.csv")
+    seconds = (flight.end_ns - flight.start_ns) * 1e-9
+    counts = Counter(row["sensor"] for row in rows)
+    assert set(counts) == {"ins", *FEEDS}
+    assert all(3.5 < count / seconds < 4.1 for count in counts.values())
+    assert {row["t_ns"] for row in rows} <= {row["t_ns"] for row in table(out / "track.csv")}
 
 
 def test_summary_states_settings_rates_and_gaps(run):
