@@ -13,6 +13,7 @@ from gcs.report.trust import EN, Tolerance
 SPAN_BINS = 240  # pieces of time in which a sensor's share of refused values is told
 CROSSING_STEPS = 1_500
 FEW_DECADES = 30.0  # ratio of the largest to the least, below which a decade is marked inside, too
+LEAST_M = 0.01  # of a separation, on a logarithmic axis: what is less means nothing
 BEGINS = 0.15  # of the flight, from which on the band of a systematic error is shown in full
 
 
@@ -37,10 +38,42 @@ def sigma(run: Run, tolerance: Tolerance) -> Diagram:
     return Diagram("Sigma and protection level over time", caption, figure, 520)
 
 
+def _broken(t_ns: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Times and values (n,), with a NaN in each pause, so that no line is drawn across it."""
+    after = np.flatnonzero(np.diff(t_ns) * 1e-9 > numbers.longest_s(t_ns)) + 1
+    return np.insert(t_ns, after, t_ns[after]), np.insert(y, after, np.nan)
+
+
 def _log_step(values: np.ndarray) -> int | str:
     """Plotly's ``dtick`` of a logarithmic axis: whole decades, or 1, 2, 5 where there would be hardly any."""
     values = values[np.isfinite(values) & (values > 0.0)]
     return "D2" if not len(values) or values.max() / values.min() < FEW_DECADES else 1
+
+
+def without_each(run: Run) -> Diagram | None:
+    """How far the live state would move without each of the sensors; None where that was not told."""
+    if not len(run.apart):
+        return None
+    figure, t = sheet(2, ["horizontal, m", "height, m"]), run.seconds(run.track["t_ns"])
+    for row, (end, axis) in enumerate((("h", "horizontal"), ("v", "vertical")), 1):
+        level = run.track[f"protection_{end}_m"]
+        line(figure, t, level, "protection level, live", LIVE, row, dash="dot", connectgaps=False)
+        shown = [level]
+        for k in np.unique(run.apart["sensor"]).tolist():
+            told, sensor = run.apart[run.apart["sensor"] == k], run.sensors[k]
+            metres = np.maximum(told[f"{axis}_m"], LEAST_M)
+            t_ns, metres = _broken(told["t_ns"], metres)
+            line(figure, run.seconds(t_ns), metres, f"without {sensor}", colour_of(sensor, run.sensors), row)
+            shown.append(metres)
+        figure.update_yaxes(type="log", dtick=_log_step(np.concatenate(shown)), row=row, col=1)
+    caption = (
+        "How far the state would have moved, as all was known then, without this one sensor. A high line: "
+        "the others alone say something else, so the state rests on this sensor, whether it lies or not. A "
+        "sensor that is refused moves nothing: where one line stays low while others rise, these outvote "
+        "it. Logarithmic, from 1 cm on, four times a second. A sensor has no line before it was heard, and "
+        "where without it there would be no state."
+    )
+    return Diagram("Leave-one-sensor-out separation", caption, figure, 520)
 
 
 def separation(run: Run) -> Diagram:

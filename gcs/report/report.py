@@ -10,8 +10,8 @@ Parts = list[Sheet | Diagram | None]
 EVENTS_LISTED = 60
 WITHOUT_EACH = (
     "The largest separation of the live state from the states without each one of the sensors is inside the "
-    "protection level. To see that of one sensor, replay without its --feed into another folder, and hold "
-    "the two against each other: gcs compare."
+    "protection level. What the best estimate is without one of them: replay without its --feed into another "
+    "folder, and hold the two against each other with gcs compare."
 )
 
 
@@ -47,7 +47,12 @@ def _facts(run: Run, seconds: float) -> list[tuple[str, str]]:
 def _chapters(run: Run, tolerance: Tolerance, found: list[trust.Criterion]) -> list[Chapter]:
     result: Parts = [trust.tolerances(found), trust.percentiles(run), trust.shares(run)]
     shown: Parts = [flight.plan(run), flight.replay(run), flight.motion(run)]
-    sure: Parts = [certainty.sigma(run, tolerance), certainty.separation(run), certainty.crossing(run)]
+    sure: Parts = [
+        certainty.sigma(run, tolerance),
+        certainty.without_each(run),
+        certainty.separation(run),
+        certainty.crossing(run),
+    ]
     given: Parts = [
         sources.inputs(run),
         sources.feeds(run),

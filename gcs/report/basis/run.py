@@ -25,6 +25,7 @@ STATE = (
 )  # fmt: skip
 VALUE = ("t_ns", "sensor", "channel", "value", "predicted", "sigma", "weight", "verdict", "reason")
 ERROR = ("t_ns", "sensor", "error", "value", "sigma", "prior_sigma")
+APART = ("t_ns", "sensor", "horizontal_m", "vertical_m", "sigma_h_m", "sigma_v_m")
 WIND = ("t_ns", "speed_mps", "from_deg", "sigma_mps", "known", "own_speed_mps", "own_from_deg")
 EVENT = ("t_ns", "level", "text")
 NO_TIME = np.iinfo(np.int64).min  # of a line whose time cannot be read
@@ -38,6 +39,7 @@ VALUES = np.dtype(
         ("sigma", "f8"), ("weight", "f4"), ("verdict", "i1"),
     ]
 )  # fmt: skip
+SEPARATIONS = np.dtype([("t_ns", "i8"), ("sensor", "i2"), *((name, "f8") for name in APART[2:])])
 
 
 class ErrorRow(NamedTuple):
@@ -62,6 +64,7 @@ class Run(NamedTuple):
     sensors: list[str]  # by VALUES' sensor: the INS, then as in the station file
     reasons: Counter[tuple[str, str, str]]  # how many by sensor, verdict and reason, sigmas left out
     errors: list[ErrorRow]
+    apart: np.ndarray  # (a,) SEPARATIONS: how far the live state would move without a sensor
     wind: np.ndarray | None  # (w,) by WIND
     events: list[tuple[int, str, str]]  # t_ns, level, text
     summary: dict  # empty where the run did not end
@@ -105,9 +108,9 @@ def load(folder: Path) -> Run:
     by_sensor = {name: _in_order(values[values["sensor"] == k]) for k, name in enumerate(sensors)}
     return Run(
         folder, track, smoothed if len(smoothed) else track, values, by_sensor, sensors, reasons,
-        _errors(folder / "errors.csv"), csvfile.optional(folder / "wind.csv", WIND),
-        _events(folder / "events.csv", remarks), _summary(folder / "summary.json", remarks),
-        station, _frame(station, track[len(track) // 2]), remarks,
+        _errors(folder / "errors.csv"), _apart(folder / "separation.csv", sensors, remarks),
+        csvfile.optional(folder / "wind.csv", WIND), _events(folder / "events.csv", remarks),
+        _summary(folder / "summary.json", remarks), station, _frame(station, track[len(track) // 2]), remarks,
     )  # fmt: skip
 
 
@@ -164,6 +167,23 @@ def _errors(path: Path) -> list[ErrorRow]:
         return []
     rows = [row for block in csvfile.texts(path, ERROR) for row in zip(*block.columns, strict=True)]
     return [ErrorRow(int(t), sensor, error, *map(float, rest)) for t, sensor, error, *rest in rows]
+
+
+def _apart(path: Path, sensors: list[str], remarks: list[str]) -> np.ndarray:
+    """(a,) SEPARATIONS in order of time; none of a run by another method, or of an older version."""
+    parts, damaged = [np.empty(0, SEPARATIONS)], 0
+    for columns, bad in csvfile.texts(path, APART) if path.exists() else ():
+        rows = []
+        for t, sensor, *metres in zip(*columns, strict=True):
+            try:
+                rows.append((int(t), sensors.index(sensor), *map(float, metres)))
+            except ValueError:  # torn, or of no sensor of this station
+                bad += 1
+        parts.append(np.array(rows, SEPARATIONS))
+        damaged += bad
+    if damaged:
+        remarks.append(f"{path.name}: {damaged} lines cannot be read and are left out")
+    return _in_order(np.concatenate(parts))
 
 
 def _in_order(values: np.ndarray) -> np.ndarray:

@@ -96,6 +96,15 @@ def verdicts() -> str:
     return "\n".join(lines) + "\n"
 
 
+def separation() -> str:
+    """Without the theodolite the state moves by 2 m and 1 m, without the INS by nothing; a pause of 3 s."""
+    lines = ["t_ns,sensor,horizontal_m,vertical_m,sigma_h_m,sigma_v_m"]
+    for k in (*range(0, 40, 2), *range(70, STATES, 2)):
+        lines.append(f"{T0_NS + k * STEP_NS},ins,0.0000,0.0000,0.5000,0.6000")
+        lines.append(f"{T0_NS + k * STEP_NS},theo-a,2.0000,1.0000,3.0000,4.0000")
+    return "\n".join(lines) + "\n"
+
+
 def write(path: Path, east_m: float = 0.0) -> Path:
     """The folder ``path``/run, ``east_m`` beside the usual place."""
     folder = path / "run"
@@ -104,6 +113,7 @@ def write(path: Path, east_m: float = 0.0) -> Path:
     (folder / "track.csv").write_text(track(east_m + APART_M, 2.0, live=True), encoding="utf-8")
     (folder / "smoothed.csv").write_text(track(east_m, 1.0, live=False), encoding="utf-8")
     (folder / "verdicts.csv").write_text(verdicts(), encoding="utf-8")
+    (folder / "separation.csv").write_text(separation(), encoding="utf-8")
     (folder / "summary.json").write_text(json.dumps(SUMMARY), encoding="utf-8")
     (folder / "events.csv").write_text(
         f't_ns,level,text\n{T0_NS},warning,"theo-a, <i>silent</i>"\n', encoding="utf-8"

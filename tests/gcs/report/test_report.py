@@ -105,6 +105,35 @@ def test_a_killed_run_gives_a_page_that_says_so(written):
     assert PageReader(html).open == []
 
 
+def test_what_each_sensor_carries_is_drawn_beside_the_protection_level(run):
+    figure = certainty.without_each(run).figure
+    lines = {(trace.name, trace.yaxis): np.unique(trace.y[np.isfinite(trace.y)]) for trace in figure.data}
+    expected = {
+        ("protection level, live", "y"): 5.0,
+        ("protection level, live", "y2"): 6.0,
+        ("without theo-a", "y"): 2.0,
+        ("without theo-a", "y2"): 1.0,
+        ("without ins", "y"): certainty.LEAST_M,  # nothing, on a logarithmic axis
+        ("without ins", "y2"): certainty.LEAST_M,
+    }
+    assert {at: y.tolist() for at, y in lines.items()} == {
+        at: pytest.approx([metres]) for at, metres in expected.items()
+    }
+    for trace in figure.data[1:3]:
+        assert np.isnan(trace.y).sum() == 1  # at the pause
+    assert "Leave-one-sensor-out separation" in page.render(report.document(run, Tolerance()))
+
+
+def test_a_run_of_before_or_of_another_method_has_no_such_figure(written):
+    header, *_ = (written / "separation.csv").read_text().splitlines()
+    (written / "separation.csv").write_text(header + "\n")
+    assert certainty.without_each(runs.load(written)) is None
+    (written / "separation.csv").unlink()
+    run = runs.load(written)
+    assert not any("separation" in line for line in run.remarks)
+    assert "Leave-one-sensor-out" not in page.render(report.document(run, Tolerance()))
+
+
 @pytest.mark.slow
 def test_a_long_flight_makes_no_large_page(run):
     """1,000 times the flight, one after the other: 100,000 values and as many states."""

@@ -44,6 +44,18 @@ def test_a_killed_run_is_read_and_says_so(written):
     assert any("track.csv: 1 line" in remark for remark in run.remarks)
 
 
+@pytest.mark.parametrize("torn", range(2, 40, 5))
+def test_a_torn_line_of_the_separation_costs_no_more_than_that_line(written, torn):
+    whole = runs.load(written).apart
+    text = (written / "separation.csv").read_text()
+    (written / "separation.csv").write_text(text[:-torn])
+    assert len(runs.load(written).apart) >= len(whole) - 1
+    (written / "separation.csv").write_text(text.replace("theo-a", "theo-z"))
+    run = runs.load(written)
+    assert run.apart.tolist() == whole[whole["sensor"] == 0].tolist()
+    assert any("separation.csv: 36 lines" in remark for remark in run.remarks)
+
+
 def test_the_origin_is_found_again_where_the_station_has_none(written):
     text = (written / "station.toml").read_text()
     begin = text.index("[range.origin]")
