@@ -26,7 +26,7 @@ from filters.models.rows import AE, CHANNELS
 from filters.models.state import prior_covariance
 from filters.smoother import adaptation, gated, start, status
 from filters.smoother.buffer import Rows, outcome
-from filters.smoother.hypothesis import Hypothesis, Moment, Workspace
+from filters.smoother.hypothesis import Hypothesis, Moment, Workspace, apart, differ
 from filters.smoother.passes import Scores
 
 SHORTFALL = 2.0  # standard deviations of the log evidence below which the model is thought to be wrong
@@ -39,7 +39,6 @@ MISFIT = 5.0  # rows that one misfit outweighs in the search for where a manoeuv
 TEMPER = 0.3  # power of the odds: rows of a channel are less independent than the model says
 PROOF_NS = 3_000_000_000  # longer than the runs of outliers that radars and theodolites show
 CLOSE = np.log(1e3)  # log odds within which two hypotheses are ambiguous
-APART = 3.0  # sigmas between their positions beyond which it matters
 FASTEST_MPS = 1000.0  # 1-sigma per axis of the speeds that there are
 GOOD_SHARE = 0.5  # of the rows that a first state must explain
 
@@ -295,15 +294,3 @@ class Bank:
             wide, most = 4.0 * known.P[both], np.diag(prior_covariance(model))[kept]
             shrink = np.sqrt(np.minimum(1.0, most / np.maximum(np.diag(wide), 1e-300)))
             P[both] = shrink[:, None] * wide * shrink  # never wider than the prior, and still a covariance
-
-
-def differ(a: Hypothesis, b: Hypothesis) -> bool:
-    """Whether two hypotheses about the same rows judge as many of them differently as make a patch."""
-    return bool(np.abs(a.own.weight - b.own.weight).sum() >= status.PATCH_ROWS)
-
-
-def apart(a: Hypothesis, b: Hypothesis, sigmas: float = APART) -> bool:
-    """Whether two hypotheses put the target in different places, by so many of their own ``sigmas``."""
-    gap = a.head.x[:3] - b.head.x[:3]
-    variance = np.diag(a.head.P)[:3] + np.diag(b.head.P)[:3]
-    return bool((gap**2 > sigmas**2 * np.maximum(variance, 1e-12)).any())

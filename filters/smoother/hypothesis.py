@@ -19,6 +19,7 @@ from filters.smoother.buffer import Outcome, Rows, outcome
 
 SETTLED = 0.05  # a change of weight that is no change
 PASSES = 3  # over the window at most, at one temperature
+APART = 3.0  # sigmas between two positions beyond which it matters
 ANNEALING = (100.0, 16.0, 4.0, 1.0)  # factors of all noise variances, from wide to narrow
 
 
@@ -179,3 +180,15 @@ class Hypothesis:
         self.motion = adaptation.follow_motion(
             self.motion, space.prior_motion, self.densities(), found, seconds
         )
+
+
+def differ(a: Hypothesis, b: Hypothesis) -> bool:
+    """Whether two hypotheses about the same rows judge as many of them differently as make a patch."""
+    return bool(np.abs(a.own.weight - b.own.weight).sum() >= status.PATCH_ROWS)
+
+
+def apart(a: Hypothesis, b: Hypothesis, sigmas: float = APART) -> bool:
+    """Whether two hypotheses put the target in different places, by so many of their own ``sigmas``."""
+    gap = a.head.x[:3] - b.head.x[:3]
+    variance = np.diag(a.head.P)[:3] + np.diag(b.head.P)[:3]
+    return bool((gap**2 > sigmas**2 * np.maximum(variance, 1e-12)).any())

@@ -5,7 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from filters.smoother.bank import CLOSE, Trial, apart, differ
+from filters.smoother.bank import CLOSE, Trial
+from filters.smoother.hypothesis import apart, differ
 from tests.filters.smoother.test_bank import A, B, ambiguous, begun
 
 pytestmark = pytest.mark.decision
