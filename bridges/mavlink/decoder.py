@@ -3,7 +3,7 @@
 The same formulas and the same rules as for a log (``bridges/mavlink/autopilot.py``).
 """
 
-from collections import deque
+from collections import Counter, deque
 from typing import Any
 
 import numpy as np
@@ -34,7 +34,7 @@ class Decoder:
         self.told: list[tuple[str, str]] = self.clock.told
         self.bad = 0  # damaged frames so far
         self._others: set[int] | None = set() if system_id is None else None  # autopilots beside it
-        self._component: int | None = None  # of the autopilot, known from its HEARTBEAT
+        self._beats: Counter[int] = Counter()  # by component; the autopilot's are the most
         self._waiting: deque[tuple[Any, int]] | None = deque(maxlen=WAITING)  # None: the clock is known
         self._patience_ns: int | None = None  # when it ends
         self._forces: dict[str, list[np.ndarray]] = {}  # first samples of each IMU message
@@ -95,9 +95,10 @@ class Decoder:
                 self.told.append(("error", text))
             return False
         if beats:
-            self._component = min(message.get_srcComponent(), self._component or 255)
+            self._beats[message.get_srcComponent()] += 1
             self._fixed_wing = message.type == autopilot.FIXED_WING
-        return message.get_srcComponent() == (self._component or AUTOPILOT)
+        most = min(self._beats, key=lambda component: (-self._beats[component], component), default=AUTOPILOT)
+        return message.get_srcComponent() == most
 
     def _may_begin(self, message: Any, arrival_ns: int) -> bool:
         """Is the clock known, or has it been waited for long enough?"""

@@ -97,7 +97,8 @@ def vehicles(log: Tlog) -> list[Vehicle]:
         beat = beats[beats["sysid"] == system_id]
         pilot = beat[(beat["autopilot"] != autopilot.NO_AUTOPILOT) & (beat["type"] != _GROUND_STATION)]
         kind = "autopilot" if pilot.size else "ground station" if _GROUND_STATION in beat["type"] else "other"
-        component = pilot["compid"].min() if pilot.size else count[system_id].argmax()
+        # By number: damage makes a frame now and then whose checksum is right by chance.
+        component = np.bincount(pilot["compid"]).argmax() if pilot.size else count[system_id].argmax()
         out.append(Vehicle(int(system_id), int(component), kind, int(count[system_id].sum())))
     return out
 

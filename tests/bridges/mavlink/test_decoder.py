@@ -222,6 +222,17 @@ def test_other_systems_and_damage(tmp_path):
     assert bad == [Bad(source="ins", where="udpin:127.0.0.1:14550 #1", reason="Bad prefix", raw="01 02")]
 
 
+def test_one_heartbeat_of_another_component_takes_nothing_from_the_autopilot(tmp_path):
+    """Damage makes a frame now and then whose checksum is right by chance; the lowest number was believed."""
+    whole = packed(flight(10), component=5)
+    chance = packed([x for x in flight(10) if x.message.get_type() == "HEARTBEAT"][:1], component=3)
+    path = write(tmp_path / "flight.tlog", whole[:200], chance, whole[200:])
+    log = tlog.read(path)
+    assert [(v.system_id, v.component_id) for v in tlog.vehicles(log)] == [(1, 5)]
+    said = sum(isinstance(m, InsMeasurement) for m in live(path))
+    assert said == sum(isinstance(m, InsMeasurement) for m in live(write(tmp_path / "whole.tlog", whole)))
+
+
 def test_a_system_time_that_no_clock_can_show_is_a_reason():
     speaker = dialect.MAVLink(None, srcSystem=1, srcComponent=1)
     decoder = Decoder(1)
