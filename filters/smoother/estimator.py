@@ -205,7 +205,8 @@ class FixedLagSmoother:
     def _admit_without(self, bank: Bank, rows: Rows, k: int) -> tuple[np.ndarray, np.ndarray] | None:
         """One of the banks without a sensor takes ``rows`` of ``k`` epochs.
 
-        Returns its states (k, n) with covariances (k, 6, 6) of position and velocity, None without a state.
+        Returns its states (k, n) by the clocks of its own, as they would be published, with covariances
+        (k, 6, 6) of position and velocity; None without a state.
         """
         if bank.best is None:
             return None
@@ -213,12 +214,13 @@ class FixedLagSmoother:
         bank.take_along(rows, told, self._rule)
         bank.best.admit(rows, told, self._rule, gated.NEVER_NS)
         x = told.x[:k].copy()
+        tracks.shifted(x, self._window.shift_s(x, bank.excluded))
         return x, told.P[:k, :6, :6] + tracks.of_shift(x, self._shift_variance)
 
     def _tell_apart(self, track: np.ndarray, published: np.ndarray, without: list) -> None:
         """Once a cell: how far a state that is ``published`` would move without each of the sensors.
 
-        ``without`` has `_admit_without` of each. There, too, the state is the one that would be published.
+        ``without`` has `_admit_without` of each.
         """
         if not published.any():
             return
@@ -232,7 +234,6 @@ class FixedLagSmoother:
                 continue
             x, P = (part[at : at + 1] for part in one)
             if tracks.known(self.model, x, P)[0]:
-                x = tracks.shifted(x, self._window.shift_s(x, sensor))
                 told = protection.separation(track[at : at + 1], sensor, x[:, :3], P[:, :3, :3])
                 self._apart.append(told)
 
