@@ -1,9 +1,10 @@
 """Densities of the motion and noise of every channel, followed by their likelihood under a prior.
 
 The smoother gives the slope and the expected information of the log likelihood by the logarithm θ of each
-(`passes.Scores`), so that a step towards the most probable value is slope / information, with the prior as
-one more observation (scoring: Fahrmeir & Tutz 2001, *Multivariate Statistical Modelling*, 8.3). Both go up
-and down, and back to their prior where the data cannot see them.
+density (`passes.Scores`), the residuals of decided rows those of each noise (`noise_scores`), so that a step
+towards the most probable value is slope / information, with the prior as one more observation (scoring:
+Fahrmeir & Tutz 2001, *Multivariate Statistical Modelling*, 8.3). Both go up and down, and back to their prior
+where the data cannot see them.
 
 motion  the window decides, under a log-normal prior around what was usual lately: a manoeuvre begins at once.
 noise   all decided rows of a channel decide, older ones the less; the prior is what the sensor states.
