@@ -34,7 +34,8 @@ class Decoder:
         self.told: list[tuple[str, str]] = self.clock.told
         self.bad = 0  # damaged frames so far
         self._others: set[int] | None = set() if system_id is None else None  # autopilots beside it
-        self._beats: Counter[int] = Counter()  # by component; the autopilot's are the most
+        self._beats: Counter[int] = Counter()  # HEARTBEATs by component
+        self._component = AUTOPILOT  # the one with the most of them
         self._waiting: deque[tuple[Any, int]] | None = deque(maxlen=WAITING)  # None: the clock is known
         self._patience_ns: int | None = None  # when it ends
         self._forces: dict[str, list[np.ndarray]] = {}  # first samples of each IMU message
@@ -96,9 +97,9 @@ class Decoder:
             return False
         if beats:
             self._beats[message.get_srcComponent()] += 1
+            self._component = min(self._beats, key=lambda component: (-self._beats[component], component))
             self._fixed_wing = message.type == autopilot.FIXED_WING
-        most = min(self._beats, key=lambda component: (-self._beats[component], component), default=AUTOPILOT)
-        return message.get_srcComponent() == most
+        return message.get_srcComponent() == self._component
 
     def _may_begin(self, message: Any, arrival_ns: int) -> bool:
         """Is the clock known, or has it been waited for long enough?"""
