@@ -94,9 +94,11 @@ class Bank:
         if self.rival is not None:
             self.rival.hypothesis.admit(new, told, rule, gated.NEVER_NS)
 
-    def commit(self, rows: Rows, cut: int, found: Scores, seconds: float) -> None:
-        """`Hypothesis.commit` of the incumbent; nobody knows better any more, so its rival is given up."""
-        self.best.commit(rows, cut, found, seconds)
+    def commit(
+        self, rows: Rows, cut: int, found: Scores, seconds: float, scale: np.ndarray | None = None
+    ) -> None:
+        """`Hypothesis.commit` of the incumbent; what is decided has no alternative."""
+        self.best.commit(rows, cut, found, seconds, scale)
         self.rival = None
 
     def forget(self) -> None:

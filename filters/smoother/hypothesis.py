@@ -164,8 +164,13 @@ class Hypothesis:
         )
         self.log_evidence += adaptation.log_prior(self.psd, self.usual_psd)
 
-    def commit(self, rows: Rows, cut: int, found: passes.Scores, seconds: float) -> None:
-        """Decide the first ``cut`` rows for good: the anchor passes them, the noise is followed."""
+    def commit(
+        self, rows: Rows, cut: int, found: passes.Scores, seconds: float, scale: np.ndarray | None = None
+    ) -> None:
+        """Decide the first ``cut`` rows for good: the anchor passes them, the densities are followed.
+
+        So is the noise, unless its ``scale`` (2, s, 13) is known from whom all sensors tell it.
+        """
         space, model = self.space, self.space.model
         x, P, memory = self.anchor.x.copy(), self.anchor.P.copy(), self.anchor.memory.copy()
         left = Rows(*(column[:cut] for column in rows))
@@ -175,8 +180,10 @@ class Hypothesis:
         status.advance(left, own, memory)
         self.anchor, self.young = Moment(int(t_ns), x, P, memory), False
         self.own = Outcome(*(column[cut:].copy() for column in self.own))
-        seen = adaptation.noise_scores(left, own, memory[..., runs.CHANCE], model.is_ins)
-        self.scale = adaptation.follow_noise(self.scale, space.prior_noise, seen, seconds)
+        if scale is None:
+            seen = adaptation.noise_scores(left, own, memory[..., runs.CHANCE], model.is_ins)
+            scale = adaptation.follow_noise(self.scale, space.prior_noise, seen, seconds)
+        self.scale = scale
         self.motion = adaptation.follow_motion(
             self.motion, space.prior_motion, self.densities(), found, seconds
         )

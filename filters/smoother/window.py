@@ -163,10 +163,10 @@ class Window:
         made.regime[:] += len(self.densities)
         self.densities.append(now.best.densities().view(DENSITIES)[:, 0])
         seconds = (int(rows.t[cut - 1]) - now.best.anchor.t_ns) * 1e-9
-        for bank in now.banks:
+        now.banks[0].commit(rows, cut, found, seconds)
+        for bank in now.banks[1:]:
             if bank.best is not None:
-                bank.commit(rows, cut, found, seconds)
-                bank.best.scale = now.best.scale
+                bank.commit(rows, cut, found, seconds, now.best.scale)
         buffer.decided += cut
         return left
 
