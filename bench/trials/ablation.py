@@ -52,7 +52,7 @@ PARTS = {
     "no proposal `again`": Part(((Bank, "_again", _no_annealing),)),
     "no proposal `manoeuvre`": Part(((Bank, "_manoeuvre", lambda self, _rows: self.best.copy()),)),
     "no proposal `start` but the first": Part(((Bank, "_starts", _first_starts),)),
-    "no rival that lives on": Part(((Bank, "_keep_rival", lambda _self, _top, _ranked: None),)),
+    "no alternative that lives on": Part(((Bank, "_keep_alternative", lambda _self, _top, _ranked: None),)),
     "no prior odds of a change": Part(((bank, "INERTIA", 0.0),)),
     "no second look at a surprise": Part(((estimator, "SURPRISE_NS", gated.NEVER_NS // 2),)),
     "densities of the motion as set": Part(

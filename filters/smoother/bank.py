@@ -1,4 +1,4 @@
-"""The bank of hypotheses about one set of sensors: the incumbent, its rival, and those that challenge it.
+"""The bank of hypotheses about one set of sensors: the incumbent, an alternative, and who challenges it.
 
 The first two proposals are made wherever there is one to make. The others when the incumbent explains its
 window worse than a right model would (a posterior predictive check: Gelman et al. 2013, *Bayesian Data
@@ -12,8 +12,8 @@ then it is no likelier than another one. The log evidence with prior odds decide
     start       nothing known before: each sensor's own fix and rows, then all rows
 
 The first start, a gap, a jump, a capture by a bad sensor are all the last of these. The likeliest of those
-that lose, if it is close and another explanation, lives on as the rival: it takes the same rows, and is tried
-again until the rows are decided.
+that lose, if it is close and another explanation, lives on as the alternative: it takes the same rows, and is
+tried again until they are decided.
 """
 
 from collections.abc import Sequence
@@ -68,7 +68,7 @@ class Bank:
     def __init__(self, space: Workspace, prior: Prior, excluded: int = -1):
         self.space, self.prior, self.excluded = space, prior, excluded
         self.best: Hypothesis | None = None
-        self.rival: Trial | None = None  # nearly as likely, about the same rows
+        self.alternative: Trial | None = None  # nearly as likely, about the same rows
         self._close_call, self.spread = False, np.zeros((CORE, CORE))  # (9, 9) doubt between hypotheses
         self._proven_ns = 0  # until then a start of one sensor alone may be the middle of its own run
         self.reason = ""  # of the newest start
@@ -80,30 +80,32 @@ class Bank:
     @property
     def undecided(self) -> bool:
         """Whether later rows may tell which of two is right; not where neither is."""
-        return self.rival is not None and self.best.shortfall < WRONG
+        return self.alternative is not None and self.best.shortfall < WRONG
 
     def copy(self) -> "Bank":
         other = object.__new__(Bank)
         other.__dict__.update(self.__dict__)
         other.best = self.best and self.best.copy()
-        other.rival = self.rival and Trial(self.rival.prior, self.rival.hypothesis.copy())
+        if self.alternative is not None:
+            prior, hypothesis = self.alternative
+            other.alternative = Trial(prior, hypothesis.copy())
         return other
 
-    def take_along(self, new: Rows, told: gated.Told, rule: gated.Rule) -> None:
-        """The rival takes ``new`` rows, which the incumbent takes too."""
-        if self.rival is not None:
-            self.rival.hypothesis.admit(new, told, rule, gated.NEVER_NS)
+    def admit_alternative(self, new: Rows, told: gated.Told, rule: gated.Rule) -> None:
+        """The alternative takes ``new`` rows, which the incumbent takes too."""
+        if self.alternative is not None:
+            self.alternative.hypothesis.admit(new, told, rule, gated.NEVER_NS)
 
     def commit(
         self, rows: Rows, cut: int, found: Scores, seconds: float, scale: np.ndarray | None = None
     ) -> None:
         """`Hypothesis.commit` of the incumbent; what is decided has no alternative."""
         self.best.commit(rows, cut, found, seconds, scale)
-        self.rival = None
+        self.alternative = None
 
     def forget(self) -> None:
         """No state from here on."""
-        self.best = self.rival = None
+        self.best = self.alternative = None
 
     def redecide(self, rows: Rows, keep: int, others: Sequence[Hypothesis] = ()) -> Scores:
         """Settle the window, challenge the incumbent where it fails, keep the likeliest who is left.
@@ -111,15 +113,15 @@ class Bank:
         ``others``: what is made of the same rows without some sensor.
         """
         best = self.best
-        if self.rival is not None:
-            self.rival.hypothesis.settle(rows, 0)
+        if self.alternative is not None:
+            self.alternative.hypothesis.settle(rows, 0)
         found = best.settle(rows, keep)
         trials, starts = self._challengers(rows, others)
         ranked = [Trial(0.0, best), *trials, *starts]
         inertia = 0.0 if best.young else INERTIA
         top = max(ranked, key=lambda trial: trial.log_odds + inertia * (trial.hypothesis is not best))
         self._doubt(top, ranked)
-        self._keep_rival(top, ranked)
+        self._keep_alternative(top, ranked)
         if len(ranked) == 1:
             return found
         self.best = top.hypothesis
@@ -133,8 +135,8 @@ class Bank:
     def _challengers(self, rows: Rows, others: Sequence[Hypothesis]) -> tuple[list[Trial], list[Trial]]:
         """Who goes on from the incumbent's anchor, and who begins anew; none where all is well."""
         best, trials, starts = self.best, [], []
-        if self.rival is not None:
-            (starts if self.rival.hypothesis.young else trials).append(self.rival)
+        if self.alternative is not None:
+            (starts if self.alternative.hypothesis.young else trials).append(self.alternative)
         for other in others:
             if apart(best, other):
                 trials.append(Trial(0.0, self._again(rows, other.own.weight, annealed=False)))
@@ -205,20 +207,20 @@ class Bank:
             self.spread += chance / (1.0 + sum(chances)) * np.outer(gap, gap)
             self._close_call |= trial.log_odds > top.log_odds - CLOSE and apart(winner, trial.hypothesis)
 
-    def _keep_rival(self, top: Trial, ranked: list[Trial]) -> None:
+    def _keep_alternative(self, top: Trial, ranked: list[Trial]) -> None:
         """The likeliest of the others lives on, if it is close and judges the rows differently.
 
         It begins to where the states are apart, and goes on where they have met again: what was between is
         not decided yet.
         """
-        two = (self.best, self.rival.hypothesis) if self.rival is not None else ()
+        two = (self.best, self.alternative.hypothesis) if self.alternative is not None else ()
         close = [
             trial for trial in ranked
             if trial.log_odds > top.log_odds - CLOSE and differ(top.hypothesis, trial.hypothesis)
             and (apart(top.hypothesis, trial.hypothesis, 1.0) or any(trial.hypothesis is one for one in two))
         ]  # fmt: skip
         likeliest = max(close, key=lambda trial: trial.log_odds, default=None)
-        self.rival = likeliest and Trial(likeliest.prior - top.prior, likeliest.hypothesis)
+        self.alternative = likeliest and Trial(likeliest.prior - top.prior, likeliest.hypothesis)
 
     def _again(self, rows: Rows, weight: np.ndarray, *, annealed: bool) -> Hypothesis:
         """The same anchor, from other weights (k,)."""

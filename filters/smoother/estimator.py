@@ -66,8 +66,8 @@ class FixedLagSmoother:
         self._window = Window(space, self._buffer, progress, keep, robust=self._robust)
         self._snapshots = Snapshots(progress, keep(mark_type(len(self.model.prior), len(sensors))))
         self._smoothed: list[np.ndarray] = []  # and final, not handed out yet
-        self._apart = [np.zeros(0, SEPARATION)]  # not handed out yet
-        self._apart_ns = LONG_AGO_NS  # begin of the newest cell that it was told of
+        self._separations = [np.zeros(0, SEPARATION)]  # not handed out yet
+        self._separated_ns = LONG_AGO_NS  # begin of the newest cell that it was told of
         self._told = gated.told(64, len(self.model.prior))
         self._newest_ns, self._fixed_ns = LONG_AGO_NS, 0
 
@@ -93,7 +93,7 @@ class FixedLagSmoother:
                 self._close(cell_ns)
             parts += self._take(buffer.done + int(np.searchsorted(t, cell_ns + CELL_NS)))
         verdicts = np.concatenate([refused, buffer.changes()])
-        apart, self._apart = np.concatenate(self._apart), self._apart[:1]
+        apart, self._separations = np.concatenate(self._separations), self._separations[:1]
         return Step(np.concatenate(parts), self._take_smoothed(), verdicts, apart)
 
     def finish(self) -> Step:
@@ -190,7 +190,7 @@ class FixedLagSmoother:
         count, k = now.best.admit(new, told, self._rule, quiet_ns)
         track = self._head_track(told, k)
         same = Rows(*(column[:count] for column in new))
-        now.banks[0].take_along(same, told, self._rule)
+        now.banks[0].admit_alternative(same, told, self._rule)
         without = [self._admit_without(bank, same, k) for bank in now.banks[1:]]
         protection.enter(track, [one and (one[0][:, :3], one[1][:, :3, :3]) for one in without])
         self._buffer.done += count
@@ -199,7 +199,7 @@ class FixedLagSmoother:
         self._newest_ns = max(self._newest_ns, int(track["t_ns"][-1]))
         good = tracks.known(self.model, track["x"], track["P"])
         now.was_known |= bool(good.any())
-        self._tell_apart(track, fresh & good, without)
+        self._report_separation(track, fresh & good, without)
         return track[fresh & good]
 
     def _admit_without(self, bank: Bank, rows: Rows, k: int) -> tuple[np.ndarray, np.ndarray] | None:
@@ -211,13 +211,13 @@ class FixedLagSmoother:
         if bank.best is None:
             return None
         told = self._told
-        bank.take_along(rows, told, self._rule)
+        bank.admit_alternative(rows, told, self._rule)
         bank.best.admit(rows, told, self._rule, gated.NEVER_NS)
         x = told.x[:k].copy()
         tracks.shifted(x, self._window.shift_s(x, bank.excluded))
         return x, told.P[:k, :6, :6] + tracks.of_shift(x, self._shift_variance)
 
-    def _tell_apart(self, track: np.ndarray, published: np.ndarray, without: list) -> None:
+    def _report_separation(self, track: np.ndarray, published: np.ndarray, without: list) -> None:
         """Once a cell: how far a state that is ``published`` would move without each of the sensors.
 
         ``without`` has `_admit_without` of each.
@@ -226,16 +226,16 @@ class FixedLagSmoother:
             return
         at = int(np.argmax(published))
         cell_ns = int(track["t_ns"][at]) // CELL_NS * CELL_NS
-        if cell_ns <= self._apart_ns:
+        if cell_ns <= self._separated_ns:
             return
-        self._apart_ns = cell_ns
+        self._separated_ns = cell_ns
         for sensor, one in enumerate(without):
             if one is None or not self._now.tally[sensor].any():  # nobody there who could be left out
                 continue
             x, P = (part[at : at + 1] for part in one)
             if tracks.known(self.model, x, P)[0]:
                 told = protection.separation(track[at : at + 1], sensor, x[:, :3], P[:, :3, :3])
-                self._apart.append(told)
+                self._separations.append(told)
 
     def _head_track(self, told: gated.Told, k: int) -> np.ndarray:
         """(k,) TRACK of the newest epochs."""

@@ -31,13 +31,13 @@ def doubt(*ranked):
     return one
 
 
-def rival(*ranked, before=None):
-    """Who is kept beside the first of ``ranked``; ``before`` are the incumbent and its rival till then."""
+def alternative(*ranked, before=None):
+    """Who is kept beside the first of ``ranked``; ``before`` are the two till then."""
     one, _, _ = begun([A, B])
     if before:
-        one.best, one.rival = before[0].hypothesis, before[1]
-    one._keep_rival(ranked[0], list(ranked))
-    return one.rival
+        one.best, one.alternative = before[0].hypothesis, before[1]
+    one._keep_alternative(ranked[0], list(ranked))
+    return one.alternative
 
 
 def test_apart_is_by_both_sigmas():
@@ -69,27 +69,29 @@ def test_hypotheses_differ_that_judge_a_patch_of_rows_differently():
 
 def test_a_close_one_elsewhere_that_judges_differently_lives_on():
     here, there = trial((0, 0, 0)), trial((9, 0, 0), -3.0, refused=4)
-    assert rival(here, there).hypothesis is there.hypothesis
-    assert rival(here) is None
-    assert rival(here, trial((9, 0, 0), -3.0)) is None  # the same judgement
-    assert rival(here, trial((1, 0, 0), -3.0, refused=4)) is None  # the same place
-    assert rival(here, trial((9, 0, 0), -CLOSE - 1.0, refused=4)) is None  # hardly possible
+    assert alternative(here, there).hypothesis is there.hypothesis
+    assert alternative(here) is None
+    assert alternative(here, trial((9, 0, 0), -3.0)) is None  # the same judgement
+    assert alternative(here, trial((1, 0, 0), -3.0, refused=4)) is None  # the same place
+    assert alternative(here, trial((9, 0, 0), -CLOSE - 1.0, refused=4)) is None  # hardly possible
 
 
 def test_of_several_the_likeliest_lives_on():
     less, more = trial((9, 0, 0), -3.0, refused=4), trial((0, 9, 0), -2.0, refused=5)
-    assert rival(trial((0, 0, 0)), less, more).hypothesis is more.hypothesis
+    assert alternative(trial((0, 0, 0)), less, more).hypothesis is more.hypothesis
 
 
-def test_a_rival_goes_on_where_the_states_have_met_again():
+def test_an_alternative_goes_on_where_the_states_have_met_again():
     here, there = trial((0, 0, 0)), trial((0.5, 0, 0), -3.0, refused=4)
-    assert rival(here, there) is None
-    assert rival(here, there, before=(here, there)).hypothesis is there.hypothesis
-    assert rival(there, here, before=(here, there)).hypothesis is here.hypothesis  # it has won meanwhile
+    assert alternative(here, there) is None
+    assert alternative(here, there, before=(here, there)).hypothesis is there.hypothesis
+    assert (
+        alternative(there, here, before=(here, there)).hypothesis is here.hypothesis
+    )  # it has won meanwhile
 
 
 def test_prior_odds_are_kept_whoever_wins():
     """A start that wins is the rarer one of the two for good."""
     old, new = trial((0, 0, 0)), trial((9, 0, 0), 8.0, prior=-5.0, refused=4)
-    assert rival(new, old).prior == 5.0
-    assert rival(old, trial((9, 0, 0), 4.0, prior=-5.0, refused=4)).prior == -5.0
+    assert alternative(new, old).prior == 5.0
+    assert alternative(old, trial((9, 0, 0), 4.0, prior=-5.0, refused=4)).prior == -5.0

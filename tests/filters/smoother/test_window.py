@@ -42,37 +42,37 @@ def test_where_neither_explains_the_window_waiting_does_not_help():
     one.step(small.fly(SENSORS, 3.0))
     main = one._window.now.banks[0]
     assert not main.undecided
-    main.rival = Trial(0.0, main.best.copy())
+    main.alternative = Trial(0.0, main.best.copy())
     main.best.shortfall = 0.0
     assert main.undecided
     main.best.shortfall = bank.WRONG
     assert not main.undecided
 
 
-def test_a_rival_sees_the_same_rows_and_ends_where_they_are_decided():
+def test_an_alternative_sees_the_same_rows_and_ends_where_they_are_decided():
     one = methods.make("default", SENSORS)
     rows = small.fly(SENSORS, 4.0)
     before = rows["t_ns"] < 3_100_000_000
     one.step(rows[before])
     main = one._window.now.banks[0]
-    main.rival = Trial(0.0, main.best.copy())
+    main.alternative = Trial(0.0, main.best.copy())
     same = (rows["t_ns"] >= 3_100_000_000) & (rows["t_ns"] < 3_200_000_000)
     one.step(rows[same])
-    assert len(main.rival.hypothesis.own.weight) == len(main.best.own.weight)
-    assert main.rival.hypothesis.head.t_ns == main.best.head.t_ns
+    assert len(main.alternative.hypothesis.own.weight) == len(main.best.own.weight)
+    assert main.alternative.hypothesis.head.t_ns == main.best.head.t_ns
     one.step(rows[rows["t_ns"] >= 3_200_000_000])
-    assert main.rival is None
+    assert main.alternative is None
 
 
-def test_a_copy_of_a_bank_has_a_rival_of_its_own():
+def test_a_copy_of_a_bank_has_an_alternative_of_its_own():
     one = methods.make("default", SENSORS)
     one.step(small.fly(SENSORS, 3.0))
     main = one._window.now.banks[0]
-    main.rival = Trial(-1.0, main.best.copy())
+    main.alternative = Trial(-1.0, main.best.copy())
     other = main.copy()
-    assert other.rival.prior == -1.0
-    other.rival.hypothesis.own.weight[:] = 0.0
-    assert main.rival.hypothesis.own.weight.any()
+    assert other.alternative.prior == -1.0
+    other.alternative.hypothesis.own.weight[:] = 0.0
+    assert main.alternative.hypothesis.own.weight.any()
     other.forget()
-    assert other.rival is None
-    assert main.rival is not None
+    assert other.alternative is None
+    assert main.alternative is not None
