@@ -98,10 +98,7 @@ def separation(run: Run) -> Diagram:
 def separation_sigmas(run: Run, apart: np.ndarray) -> np.ndarray:
     """(n, 3) separation in its own 1-sigma: its variance is P_filter − P_smoother (Mayne 1966)."""
     names = ("sigma_e_m", "sigma_n_m", "sigma_u_m")
-    best = np.column_stack([run.smoothed[name] for name in names])
-    best = numbers.at_times(
-        run.track["t_ns"], run.smoothed["t_ns"], best, numbers.longest_s(run.smoothed["t_ns"])
-    )
+    best = geometry.best(run, names, run.track["t_ns"])
     live = np.column_stack([run.track[name] for name in names])
     variance = live**2 - best**2
     with np.errstate(invalid="ignore"):

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gcs.report.basis import numbers
+from gcs.report.basis import geometry, numbers
 from gcs.report.basis.page import Finding, Sheet, number, stated
 from gcs.report.basis.run import Run
 from gcs.report.sources import clock
@@ -169,12 +169,8 @@ def shares(run: Run) -> Sheet:
 
 def separation(run: Run) -> np.ndarray:
     """(n, 3) live minus best estimate in m, ENU, at the live states."""
-    enu = ("e_m", "n_m", "u_m")
-    best = np.column_stack([run.smoothed[name] for name in enu])
-    live = np.column_stack([run.track[name] for name in enu])
-    return live - numbers.at_times(
-        run.track["t_ns"], run.smoothed["t_ns"], best, numbers.longest_s(run.smoothed["t_ns"])
-    )
+    live = np.column_stack([run.track[name] for name in ("e_m", "n_m", "u_m")])
+    return live - geometry.positions(run, run.track["t_ns"])
 
 
 def percent(share: float) -> str:

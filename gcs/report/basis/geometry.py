@@ -1,5 +1,6 @@
 """Where the instruments look: polar values of the best estimate, claimed places, crossing and dilution."""
 
+from collections.abc import Sequence
 from itertools import combinations
 from typing import NamedTuple
 
@@ -32,16 +33,21 @@ class Crossing(NamedTuple):
     dilution: np.ndarray  # 1 sigma of that fix over that of a single coordinate of one measurement
 
 
+def best(run: Run, names: Sequence[str], t_ns: np.ndarray) -> np.ndarray:
+    """(n, c) columns ``names`` of the best estimate at (n,) times; NaN outside it and in its pauses."""
+    known_ns = run.smoothed["t_ns"]
+    columns = np.column_stack([run.smoothed[name] for name in names])
+    return numbers.at_times(t_ns, known_ns, columns, numbers.longest_s(known_ns))
+
+
 def positions(run: Run, t_ns: np.ndarray) -> np.ndarray:
     """(n, 3) of the best estimate at (n,) times, station ENU in m; NaN outside it."""
-    enu = np.column_stack([run.smoothed[name] for name in ("e_m", "n_m", "u_m")])
-    return numbers.at_times(t_ns, run.smoothed["t_ns"], enu, numbers.longest_s(run.smoothed["t_ns"]))
+    return best(run, ("e_m", "n_m", "u_m"), t_ns)
 
 
 def velocities(run: Run, t_ns: np.ndarray) -> np.ndarray:
     """(n, 3) of the best estimate at (n,) times, m/s."""
-    columns = np.column_stack([run.smoothed[name] for name in ("ve_mps", "vn_mps", "vu_mps")])
-    return numbers.at_times(t_ns, run.smoothed["t_ns"], columns, numbers.longest_s(run.smoothed["t_ns"]))
+    return best(run, ("ve_mps", "vn_mps", "vu_mps"), t_ns)
 
 
 def sight(run: Run, sensor: str, t_ns: np.ndarray) -> Sight:
