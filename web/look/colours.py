@@ -28,16 +28,10 @@ INSTRUMENTS: tuple[Colour, ...] = (
     (150, 150, 0),
 )
 BUTTON: Colour = (92, 98, 106)  # white words on it have a contrast of 6.2; the library's grey has 3.3
-BRAND: Colour = (
-    14,
-    76,
-    134,
-)  # of what can be pressed: the library makes it lighter, 5 to white; its own: 3.6
+# of what can be pressed: the library makes it lighter, 5 to white; its own: 3.6
+BRAND: Colour = (14, 76, 134)
 BAND = 0.18  # opacity of a band in a plot
-LABEL: dict[bool, Colour] = {
-    False: BUTTON,
-    True: (160, 164, 170),
-}  # by dark page: of the library's small words
+LABEL: dict[bool, Colour] = {False: BUTTON, True: (160, 164, 170)}  # by dark page: the library's small words
 CHOSEN_DARK: Colour = (96, 165, 230)  # a chosen tab's word on the dark page
 INK: dict[bool, Colour] = {False: (25, 28, 36), True: (245, 245, 250)}  # by dark page: the aircraft
 OTHER = INK  # another course of the flight: thin, over the newest
