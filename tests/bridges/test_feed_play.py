@@ -11,20 +11,15 @@ import pytest
 from bridges import feed
 from gcs.contract.messages import Bad, PolarMeasurement
 from tests.bridges.fake import FakeBus
+from tests.ports import free_port
 
 HEADER = "t,range_m,azimuth_deg,elevation_deg\n"
 T = 1_767_225_600_126_236_328
 
 
-def free_port():
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
-
-
 @pytest.mark.network
 def test_udp_to_bus():
-    bus, stop, port = FakeBus(), threading.Event(), free_port()
+    bus, stop, port = FakeBus(), threading.Event(), free_port(socket.SOCK_DGRAM)
     bridge = threading.Thread(target=feed.run, args=(bus, "theo", ("127.0.0.1", port), stop))
     bridge.start()
     while not bus.alive:

@@ -1,7 +1,6 @@
 """What the browser tests share: a page on a flight, its picture, and where on it a place is seen."""
 
 import math
-import socket
 import time
 
 import imageio.v3 as imageio
@@ -11,6 +10,7 @@ from viser.transforms import SO3
 
 from gcs.contract.frames import Frame
 from gcs.contract.messages import State
+from tests.ports import free_port
 from tests.web import flight
 from web.memory.other import Geodetic
 from web.view import View
@@ -49,12 +49,6 @@ def other() -> Geodetic:
     frame = Frame(flight.SCENE.origin_lat_deg, flight.SCENE.origin_lon_deg, flight.SCENE.origin_alt_m)
     there = frame.to_geodetic(flight.position(t_s) - BESIDE_M)
     return Geodetic("truth.csv", flight.START_NS + np.round(t_s * S).astype(np.int64), *there)
-
-
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
 
 
 def opened(playback: Tape | None, beside: Geodetic | None = None) -> View:

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from gcs.contract.frames import Frame
+from tests.ports import free_port
 from tests.web import browser, flight
-from tests.web.page import canvas, free_port, picture, pixel, tab, until
+from tests.web.page import canvas, picture, pixel, tab, until
 from web.memory.site import GroundPicture
 from web.view import View
 

@@ -13,6 +13,7 @@ from websockets.exceptions import InvalidStatus
 from websockets.http11 import Request
 from websockets.sync.client import connect
 
+from tests.ports import free_port
 from tests.web.flight import SCENE
 from web.origins import only, refusal
 from web.view import View
@@ -78,9 +79,7 @@ def test_the_library_is_left_as_it_was_even_after_a_failure():
 
 @pytest.fixture(scope="module")
 def view() -> Iterator[View]:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
+    port = free_port()
     view = View(SCENE, port=port, origins=[PROXY])
     yield view
     view.close()

@@ -8,8 +8,9 @@ import msgspec
 import pytest
 
 from gcs.contract.messages import State
+from tests.ports import free_port
 from tests.web import browser, flight
-from tests.web.page import free_port, pixel, until
+from tests.web.page import pixel, until
 from web.panel.limits import OperatorLimits
 from web.view import View
 

@@ -7,6 +7,7 @@ import urllib.request
 
 import pytest
 
+from tests.ports import free_port
 from tests.web.flight import SCENE, messages
 from web.follow import run
 from web.view import View, ViewError
@@ -16,9 +17,7 @@ pytestmark = pytest.mark.network
 
 @pytest.fixture
 def port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
+    return free_port()
 
 
 def test_a_taken_port_is_refused_in_one_line(port):

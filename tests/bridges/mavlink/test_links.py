@@ -10,14 +10,9 @@ from bridges.mavlink import mavlink
 from bridges.mavlink.flightclock import S
 from tests.bridges.fake import SortingBus
 from tests.bridges.flights import START_US, flight, packed
+from tests.ports import free_port
 
 pytestmark = pytest.mark.network
-
-
-def free_port(kind=socket.SOCK_DGRAM) -> int:
-    with socket.socket(socket.AF_INET, kind) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
 
 
 def frames_of(seconds=12.0) -> list[bytes]:
@@ -54,7 +49,7 @@ def count(bus) -> int:
 
 
 def test_udp_in_hears_everything_and_says_nothing(listen):
-    port = free_port()
+    port = free_port(socket.SOCK_DGRAM)
     bus = listen(f"udpin:127.0.0.1:{port}")
     assert until(lambda: bus.events)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as vehicle:
@@ -102,7 +97,7 @@ def test_tcp_is_opened_again_after_a_loss(listen, monkeypatch):
 
 def test_link_that_is_not_there_yet_is_told_and_tried_again(listen, monkeypatch):
     monkeypatch.setattr(mavlink, "RETRY_S", 0.05)
-    port = free_port(socket.SOCK_STREAM)
+    port = free_port()
     bus = listen(f"tcp:127.0.0.1:{port}")
     assert until(lambda: bus.events)
     assert "refused" in bus.events[0]

@@ -1,6 +1,5 @@
 """The checks before a flight: what listens where."""
 
-import socket
 import subprocess
 import sys
 
@@ -8,6 +7,7 @@ import pytest
 
 from gcs.commands import doctor
 from gcs.contract import config
+from tests.ports import free_port
 
 
 def listeners(*overrides: str) -> dict[str, tuple[str, bool]]:
@@ -76,9 +76,7 @@ def test_a_running_bridge_is_found_with_its_address(family, kind, host, narrow):
 
 @pytest.mark.network
 def test_a_wide_listener_is_a_warning_and_no_failure(capsys):
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
+    port = free_port()
     origin = "range.origin={ lat_deg = 1.0, lon_deg = 1.0, alt_m = 0.0 }"
     free = f"view.port={port}", f"bus.endpoint=tcp/127.0.0.1:{port + 1}"
     assert doctor.run(None, ("mavlink.link=udpin:0.0.0.0:14550", origin, *free))

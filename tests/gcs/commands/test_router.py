@@ -2,7 +2,6 @@
 
 import json
 import signal
-import socket
 import subprocess
 import sys
 import threading
@@ -13,6 +12,7 @@ from gcs.commands.serve import serve
 from gcs.contract import config
 from gcs.contract.wire.bus import Bus
 from tests.gcs.contract.ends import until
+from tests.ports import free_port
 
 pytestmark = [pytest.mark.network, pytest.mark.slow]
 
@@ -34,9 +34,7 @@ position = { lat_deg = -35.36, lon_deg = 149.17, alt_m = 584.0 }
 
 @pytest.fixture
 def file(tmp_path):
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
+    port = free_port()
     file = tmp_path / "station.toml"
     file.write_text(STATION % port)
     return file

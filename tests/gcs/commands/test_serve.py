@@ -18,6 +18,7 @@ from gcs.contract.messages import Event, Health, InputError, PolarMeasurement, S
 from gcs.contract.wire.bus import Bus
 from gcs.outputs.record import Record
 from tests.gcs.contract.ends import process, until
+from tests.ports import free_port
 
 pytestmark = [pytest.mark.network, pytest.mark.slow]
 
@@ -35,9 +36,7 @@ SECONDS = 4.0
 
 @pytest.fixture
 def station(tmp_path):
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
+    port = free_port()
     file = tmp_path / "station.toml"
     file.write_text(STATION)
     return config.load(file, [f"bus.endpoint=tcp/127.0.0.1:{port}", "mavlink.link=udpin:127.0.0.1:23999"])

@@ -1,7 +1,6 @@
 """``gcs view``: which vehicles and what beside them, and the page of a station on the bus."""
 
 import signal
-import socket
 import subprocess
 import sys
 import time
@@ -17,6 +16,7 @@ from gcs.commands.cli import main
 from gcs.commands.view import Finder
 from gcs.contract import messages
 from gcs.contract.wire.bus import Bus
+from tests.ports import free_port
 from tests.web import flight
 
 SAMPLE = Path(__file__).parents[3] / "logs" / "sample"
@@ -71,12 +71,6 @@ def test_another_course_is_read_before_anything_is_waited_for(view):
     told, said = view("--overlay", "nothing.csv", code=2)
     assert "vehicles" not in told
     assert "nothing.csv" in said
-
-
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
 
 
 @pytest.mark.network

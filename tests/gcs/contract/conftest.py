@@ -1,18 +1,15 @@
 """A free address, and a station that listens there."""
 
-import socket
-
 import pytest
 
 from gcs.contract.wire import bus as bus_module
 from gcs.contract.wire.bus import Bus
+from tests.ports import free_port
 
 
 @pytest.fixture
 def endpoint() -> str:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+    return f"tcp/127.0.0.1:{free_port()}"
 
 
 @pytest.fixture

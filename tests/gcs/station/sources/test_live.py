@@ -1,7 +1,6 @@
 """Live over Zenoh against the replay of the same data: the same flight, every state once and in order."""
 
 import json
-import socket
 import threading
 import time
 from pathlib import Path
@@ -19,6 +18,7 @@ from gcs.outputs.record import Record
 from gcs.station.health import Monitor
 from gcs.station.session import Session
 from gcs.station.sources import live, replay
+from tests.ports import free_port
 
 pytestmark = [pytest.mark.network, pytest.mark.slow]
 
@@ -29,9 +29,7 @@ SECONDS, SPEED = 12.0, 2.0  # of the flight, from before take-off
 
 @pytest.fixture
 def station():
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
+    port = free_port()
     return config.load(SAMPLE / "station.toml", [f"bus.endpoint=tcp/127.0.0.1:{port}"])
 
 
