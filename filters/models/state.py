@@ -9,15 +9,19 @@ import numpy as np
 from filters.models import ins, motion, theodolite
 from filters.models.kernel import kernel
 from filters.models.rows import AE, AZIMUTH, CHANNELS, ELEVATION, RANGE, RANGE_RATE, VE, E, Sensor
-from filters.models.unscented import difference, linear_position, transform_position, transform_rate
+from filters.models.unscented import (
+    difference,
+    is_possible,
+    is_wide,
+    linear_position,
+    transform_position,
+    transform_rate,
+)
 
 SLOTS = (
     11  # the most state entries one row can depend on: position, velocity, acceleration, clock, zero error
 )
 MEAN, COV, SCRATCH = 6, 7, 21  # rows of the working space: see `_at_true_time`
-WIDE, DEEP = 0.1, 0.4  # of the distance: 1-sigma across and along the line of sight beyond which a channel
-# bends too much for sigma points, or they reach behind the instrument
-POSSIBLE = 5.0  # sigmas along the line of sight within which a prediction allows a place
 ANY_ANGLE = math.pi**2 / 3  # variance of an angle that may be any
 NOTHING = 1e30  # variance of what a line of sight alone says while the place is not known at all
 CLOCK_TAU_S = 2e5  # a clock with a prior of 0.1 s wanders by 0.3 ms √s: 5 ms in four minutes
@@ -146,12 +150,12 @@ def predict_row(model, rows, i, x, P, psd, out, k, work):
             work[COV, 0], work[COV + 1, 0], work[COV + 1, 1],
             work[COV + 2, 0], work[COV + 2, 1], work[COV + 2, 2],
         )  # fmt: skip
-        if not _is_wide(y, C, rows.place, i, model.offset, sensor):
+        if not is_wide(y, C, rows.place, i, model.offset, sensor):
             value, variance, g = transform_position(
                 channel, y, C, model.offset, model.rotation, model.bend, sensor
             )
             v = difference(channel, rows.value[i], value)
-        elif _is_possible(y, C, rows.place, i, model.offset, sensor):
+        elif is_possible(y, C, rows.place, i, model.offset, sensor):
             v, variance, g = linear_position(
                 channel, rows.value[i], y, C, rows.place, i, model.offset, model.rotation, model.bend, sensor
             )
@@ -181,37 +185,6 @@ def predict_row(model, rows, i, x, P, psd, out, k, work):
             m[k, j] += P[bias, j]
     out.count[k] = count
     return v, max(variance, 0.0)  # rounding may take it below, where the covariance is huge
-
-
-@kernel
-def _is_wide(y, C, place, i, offset, s):
-    """Whether position ``y``, ``C`` is too uncertain for sigma points around it, seen from sensor ``s``."""
-    a, b, c = y[0] - offset[s, 0], y[1] - offset[s, 1], y[2] - offset[s, 2]
-    near = a * a + b * b + c * c
-    if place[i, 0] == place[i, 0]:
-        a, b, c = place[i, 0] - offset[s, 0], place[i, 1] - offset[s, 1], place[i, 2] - offset[s, 2]
-        near = min(near, a * a + b * b + c * c)
-    scale = 1.0 / max(a * a + b * b + c * c, 1e-9)
-    along = a * a * C[0] + b * b * C[2] + c * c * C[5] + 2.0 * (a * b * C[1] + a * c * C[3] + b * c * C[4])
-    along *= scale
-    across = C[0] + C[2] + C[5] - along
-    return across > WIDE * WIDE * near or along > DEEP * DEEP * near
-
-
-@kernel
-def _is_possible(y, C, place, i, offset, s):
-    """Whether row ``i`` has a place, and position ``y``, ``C`` may be as far from sensor ``s`` as that is.
-
-    Else the place says nothing of how an angle depends on the position: a target taken to be at the
-    instrument itself would lie on every line of sight.
-    """
-    if place[i, 0] != place[i, 0]:
-        return False
-    a, b, c = place[i, 0] - offset[s, 0], place[i, 1] - offset[s, 1], place[i, 2] - offset[s, 2]
-    far2 = max(a * a + b * b + c * c, 1e-9)
-    along = a * a * C[0] + b * b * C[2] + c * c * C[5] + 2.0 * (a * b * C[1] + a * c * C[3] + b * c * C[4])
-    gap = a * (place[i, 0] - y[0]) + b * (place[i, 1] - y[1]) + c * (place[i, 2] - y[2])
-    return gap * gap <= POSSIBLE * POSSIBLE * along + DEEP * DEEP * far2 * far2
 
 
 @kernel

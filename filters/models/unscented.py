@@ -15,6 +15,9 @@ from filters.models.kernel import exact, kernel
 from filters.models.rows import AZIMUTH, ELEVATION
 
 SPREAD = math.sqrt(3.0)
+WIDE, DEEP = 0.1, 0.4  # of the distance: 1-sigma across and along the line of sight beyond which a channel
+# bends too much for sigma points, or they reach behind the instrument
+POSSIBLE = 5.0  # sigmas along the line of sight within which a prediction allows a place
 
 
 @kernel
@@ -27,6 +30,37 @@ def wrap(angle):
 def difference(channel, a, b):
     """a − b in the channel's units; angles the short way round."""
     return wrap(a - b) if channel in (AZIMUTH, ELEVATION) else a - b
+
+
+@kernel
+def is_wide(y, C, place, i, offset, s):
+    """Whether position ``y``, ``C`` is too uncertain for sigma points around it, seen from sensor ``s``."""
+    a, b, c = y[0] - offset[s, 0], y[1] - offset[s, 1], y[2] - offset[s, 2]
+    near = a * a + b * b + c * c
+    if place[i, 0] == place[i, 0]:
+        a, b, c = place[i, 0] - offset[s, 0], place[i, 1] - offset[s, 1], place[i, 2] - offset[s, 2]
+        near = min(near, a * a + b * b + c * c)
+    scale = 1.0 / max(a * a + b * b + c * c, 1e-9)
+    along = a * a * C[0] + b * b * C[2] + c * c * C[5] + 2.0 * (a * b * C[1] + a * c * C[3] + b * c * C[4])
+    along *= scale
+    across = C[0] + C[2] + C[5] - along
+    return across > WIDE * WIDE * near or along > DEEP * DEEP * near
+
+
+@kernel
+def is_possible(y, C, place, i, offset, s):
+    """Whether row ``i`` has a place, and position ``y``, ``C`` may be as far from sensor ``s`` as that is.
+
+    Else the place says nothing of how an angle depends on the position: a target taken to be at the
+    instrument itself would lie on every line of sight.
+    """
+    if place[i, 0] != place[i, 0]:
+        return False
+    a, b, c = place[i, 0] - offset[s, 0], place[i, 1] - offset[s, 1], place[i, 2] - offset[s, 2]
+    far2 = max(a * a + b * b + c * c, 1e-9)
+    along = a * a * C[0] + b * b * C[2] + c * c * C[5] + 2.0 * (a * b * C[1] + a * c * C[3] + b * c * C[4])
+    gap = a * (place[i, 0] - y[0]) + b * (place[i, 1] - y[1]) + c * (place[i, 2] - y[2])
+    return gap * gap <= POSSIBLE * POSSIBLE * along + DEEP * DEEP * far2 * far2
 
 
 @exact

@@ -32,7 +32,7 @@ def reduced(built, channel, x, P, measured):
 
 @pytest.mark.parametrize("channel", [RANGE, AZIMUTH, ELEVATION, RANGE_RATE], ids=CHANNELS[:4])
 def test_reduced_points_equal_the_full_nineteen(channel):
-    """Of a position that is not too wide for sigma points around it, see `state.WIDE`."""
+    """Of a position that is not too wide for sigma points around it, see `unscented.WIDE`."""
     radar = sensors(["radar"])
     built = state.build(radar)
     rng = np.random.default_rng(7)
