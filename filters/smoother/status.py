@@ -26,7 +26,6 @@ P_OUTLIER = 0.005  # of an outlier after a good row, in a channel that behaves
 P_WORST = 0.2  # … and in the worst one: beyond that nobody can tell
 P_EXPECTED = 0.03  # … of which a good hypothesis makes no fuss
 RUN_SHARE = 0.2  # of the outliers begin a run
-RUN_ROWS = 10.0  # mean length of a run
 GROSS_COST, RUN_COST = 4.0, 2.0  # log likelihood by which an outlier of usual size is below a good row
 NEWEST_NS = 250_000_000  # what goes wrong begins in the newest rows
 MEMORY_ROWS = 50.0  # over so many rows the share of outliers of a channel is learned
@@ -73,16 +72,16 @@ def _advance(m, r, noise, fresh, good, gross, t_ns):
     likelihood of the row, log density of a run that goes on).
     """
     seconds, m[runs.TIME] = min((t_ns - m[runs.TIME]) * 1e-9, LONGEST_S), t_ns
-    run, smooth = runs.log_run(m, r, noise, fresh, gross, seconds)
+    run, bending, steady = runs.log_run(m, r, noise, fresh, gross, seconds)
     top = max(good, gross, run)
-    settled, stay, p = m[0] + m[1], 1.0 - 1.0 / RUN_ROWS, m[runs.CHANCE]
+    settled, stay, p = m[0] + m[1], runs.stay(m), m[runs.CHANCE]
     wrong = settled * p * math.exp(gross - top)
     a = (settled * (1.0 - p) + m[2] * (1.0 - stay)) * math.exp(good - top)
     begun, gone_on = wrong * RUN_SHARE, m[2] * stay * math.exp(run - top)
     c = begun + gone_on
     total = a + wrong - begun + c
     if c > 0.0:
-        runs.follow(m, r, noise, fresh, begun / c, smooth, seconds)
+        runs.follow(m, r, noise, fresh, begun / c, bending, steady, seconds)
     m[0], m[1], m[2] = a / total, (wrong - begun) / total, c / total
     return top + math.log(total), run
 
@@ -105,7 +104,7 @@ def expected(s, p):
     """
     p = min(p, P_EXPECTED)  # a channel much worse than that is worth another look each time
     gross = GROSS_COST - math.log(p)
-    run = RUN_SHARE * RUN_ROWS * RUN_COST
+    run = RUN_SHARE * runs.ROWS * RUN_COST
     return -math.log(s) - 0.9189385332046727 - 0.5 - p * (gross + run), 0.5 + p * gross * gross
 
 
@@ -136,12 +135,12 @@ def posterior(rows, own, memory, closed):
     before the first row; moved on in place to what it is after the last one. Rows that are ``closed`` (k,)
     get no weight. Returns the largest change of a weight.
     """
-    count, stay = len(rows.t), 1.0 - 1.0 / RUN_ROWS
-    like, chance = np.empty((count, 3)), np.empty((count, 3))
+    count = len(rows.t)
+    like, chance, stay = np.empty((count, 3)), np.empty((count, 3)), np.empty(count)
     for k in range(count):
         m = memory[rows.sensor[k], rows.channel[k]]
         r, s, noise = own.residual[k], own.sigma[k], own.noise[k]
-        good, gross = log_good(r, s), log_gross(r, s)
+        good, gross, stay[k] = log_good(r, s), log_gross(r, s), runs.stay(m)
         _, run = _advance(m, r, noise, runs.FRESH * (s * s - noise), good, gross, rows.t[k])
         top = max(good, gross, run)
         like[k, 0], like[k, 1], like[k, 2] = math.exp(good - top), math.exp(gross - top), math.exp(run - top)
@@ -159,7 +158,7 @@ def posterior(rows, own, memory, closed):
         p = memory[rows.sensor[k], rows.channel[k], runs.CHANCE]
         fits, wrong, goes_on = like[k, 0] * b[0], like[k, 1], like[k, 2] * b[2]
         settled = (1.0 - p) * fits + p * wrong * ((1.0 - RUN_SHARE) * b[1] + RUN_SHARE * b[2])
-        b[0], b[1], b[2] = settled, settled, (1.0 - stay) * fits + stay * goes_on
+        b[0], b[1], b[2] = settled, settled, (1.0 - stay[k]) * fits + stay[k] * goes_on
         b /= b.sum()
     return change
 

@@ -22,43 +22,46 @@ STEP_NS = 50_000_000
 
 
 def levels(r, s, noise, memory, weighed=None, t_ns=None):
-    """(k, 3) log densities of the rows: good, gross, and a run that goes on.
+    """(k, 3) log densities of the rows: good, gross, and a run that goes on; (k, 3, 3) the ways to each.
 
-    The run is followed by the mean of all paths up to each row; what it does is tested with the runs.
+    The run is followed by the mean of all paths up to each row, its age too; what it does is tested with the
+    runs.
     ``weighed`` (k,): log densities of a good row, where they are others.
     """
-    A, chance, m, out = transition(memory[runs.CHANCE]), memory[:3], memory.copy(), []
+    chance, m, age, out, moves = memory[:3], memory.copy(), memory[runs.AGE], [], []
     for k in range(len(r)):
+        A = transition(memory[runs.CHANCE], 1 / (runs.ROWS + age))
+        moves.append(A)
         gross, fresh = cauchy.logpdf(r[k], 0, status.WIDTH * s[k]), runs.FRESH * (s[k] ** 2 - noise[k])
         seconds = (t_ns[k] - m[runs.TIME]) * 1e-9
-        run, smooth = runs.log_run(m, r[k], noise[k], fresh, gross, seconds)
+        run, bending, steady = runs.log_run(m, r[k], noise[k], fresh, gross, seconds)
         like = np.array([norm.logpdf(r[k], 0, s[k]) if weighed is None else weighed[k], gross, run])
         out.append(like)
         good, gross, on = np.exp(like)
         begun, gone_on = (chance[GOOD] + chance[GROSS]) * A[GOOD, RUN] * gross, chance[RUN] * A[RUN, RUN] * on
         chance = np.array([chance @ A[:, GOOD] * good, chance @ A[:, GROSS] * gross, begun + gone_on])
         chance = chance / chance.sum()
-        runs.follow(m, r[k], noise[k], fresh, begun / (begun + gone_on), smooth, seconds)
-        m[runs.TIME] = t_ns[k]
-    return np.array(out)
+        runs.follow(m, r[k], noise[k], fresh, begun / (begun + gone_on), bending, steady, seconds)
+        m[runs.TIME], age = t_ns[k], gone_on / (begun + gone_on) * (age + 1)
+    return np.array(out), np.array(moves)
 
 
-def transition(p):
-    """(3, 3) from, to."""
-    stay, settled = 1 - 1 / status.RUN_ROWS, [1 - p, p * (1 - status.RUN_SHARE), p * status.RUN_SHARE]
-    return np.array([settled, settled, [1 - stay, 0.0, stay]])
+def transition(p, end):
+    """(3, 3) from, to; a run ends with probability ``end``."""
+    settled = [1 - p, p * (1 - status.RUN_SHARE), p * status.RUN_SHARE]
+    return np.array([settled, settled, [end, 0.0, 1 - end]])
 
 
 def enumerate_paths(r, s, noise, memory, t_ns, weighed=None):
     """(k, 3) posterior of each row, log evidence, over all paths; a run's first row is a gross error."""
-    A, chance = transition(memory[runs.CHANCE]), memory[:3]
-    like = np.exp(levels(r, s, noise, memory, weighed, t_ns))
+    like, moves = levels(r, s, noise, memory, weighed, t_ns)
+    like, chance = np.exp(like), memory[:3]
     posterior, total = np.zeros((len(r), 3)), 0.0
     for first in range(3):
         for path in itertools.product(range(3), repeat=len(r)):
             p, before = chance[first], first
             for k, now in enumerate(path):
-                p *= A[before, now] * like[k, GROSS if now == RUN and before != RUN else now]
+                p *= moves[k, before, now] * like[k, GROSS if now == RUN and before != RUN else now]
                 before = now
             posterior[range(len(r)), path] += p
             total += p
@@ -84,7 +87,9 @@ def case(channels, seed, outliers=()):
         own.residual[i] = size * own.sigma[i]
     memory = status.fresh_memory(1)
     memory[0, :, :3] = rng.dirichlet([5, 1, 1])
-    memory[0, :, 3:] = (rng.normal(), 0.04, 0.5, 0.4, rng.normal(), 3.0, 0.6, 0.1, 50.0, -STEP_NS)
+    memory[0, :, 3 : runs.BENDING] = rng.normal(), 0.04, 0.5, -STEP_NS, rng.uniform(0.0, 5.0)
+    memory[0, :, runs.BENDING : runs.STEADY] = 0.4, rng.normal(), 3.0, 0.6, 0.1, 50.0
+    memory[0, :, runs.STEADY :] = 0.25, rng.normal(), 1.0, 0.4, 0.05, 5.0
     return rows, own, memory
 
 
