@@ -19,6 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from filters.baselines.interacting import REASONS, Followed, Mind, follow
+from filters.models import motion
 from filters.models import state as models
 from filters.models.motion import CORE
 from filters.models.rows import CHANNELS, DEWEIGHTED, ROW, TRACK, USED, VERDICT, Sensor, Step, rehearsal
@@ -51,8 +52,11 @@ class Baseline:
         self.sensors = tuple(sensors)
         self.model = models.build(sensors, settings.ins_bias_sigma_m, settings.ins_bias_tau_s)
         self._height = settings.height_m, settings.height_sigma_m
-        self._psd = np.repeat([settings.jerk_psd, settings.gust_psd], 2)
-        self._psds, self._imq = np.array(factors)[:, None] * self._psd, imq
+        psd = np.repeat([settings.jerk_psd, settings.gust_psd], 2)
+        usual = np.ones(len(self.model.prior) - CORE)
+        self._psd = motion.densities(psd, usual)
+        self._psds = np.stack([motion.densities(factor * psd, usual) for factor in factors])
+        self._imq = imq
         self._waiting = np.zeros(0, ROW)
         self._mind: Mind | None = None
         self._newest_ns = self._now_ns = np.iinfo(np.int64).min

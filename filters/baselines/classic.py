@@ -150,8 +150,10 @@ def reduced(model: models.Model) -> models.Model:
                 bias_at[s, channel] = len(prior)
                 rate.append(model.rate[at])
                 prior.append(model.prior[at])
-    clock_at = np.full_like(model.clock_at, -1)
-    return model._replace(bias_at=bias_at, clock_at=clock_at, rate=np.array(rate), prior=np.array(prior))
+    clock_at, slow_of = np.full_like(model.clock_at, -1), np.full(len(prior) - CORE, -1)
+    return model._replace(
+        bias_at=bias_at, clock_at=clock_at, rate=np.array(rate), prior=np.array(prior), slow_of=slow_of
+    )
 
 
 def observe(model: models.Model, s: int, channel: int, x: np.ndarray) -> float:

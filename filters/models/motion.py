@@ -14,17 +14,22 @@ import numpy as np
 
 from filters.models.kernel import exact, kernel
 
-CORE = 9
+CORE, MOTIONS = 9, 4  # entries of the state, and densities, of the motion
 PSD = np.array([10.0, 10.0, 0.3, 0.3])  # to begin with: 3 m/s³ held for a second; light turbulence
 LOWEST = np.array([0.05, 0.05, 1e-4, 1e-4])  # hovering in still air
 HIGHEST = np.array([3e3, 3e3, 50.0, 50.0])  # aerobatics; 25 m/s² from sample to sample at 12 Hz
+
+
+def densities(psd: np.ndarray, factor: np.ndarray) -> np.ndarray:
+    """(n − 5,) of all that moves: ``psd`` (4,), and ``factor`` (n − 9,) of the errors' variances."""
+    return np.concatenate([psd, factor])
 
 
 @exact
 def predict(x, P, dt, psd, rate, variance):
     """Move ``x`` (n,) and ``P`` (n, n) ahead by ``dt`` seconds, in place.
 
-    ``psd`` (4,): see the module. ``rate`` (n,) is 1/τ of each systematic error, 0 for a constant;
+    ``psd`` (n − 5,): see `densities`. ``rate`` (n,) is 1/τ of each systematic error, 0 for a constant;
     ``variance`` (n,) the stationary one.
     """
     n = x.size
@@ -47,7 +52,7 @@ def predict(x, P, dt, psd, rate, variance):
             for j in range(n):
                 P[i, j] *= keep
                 P[j, i] *= keep
-            P[i, i] += variance[i] * (1.0 - keep * keep)
+            P[i, i] += psd[i - CORE + MOTIONS] * variance[i] * (1.0 - keep * keep)
     _add_noise(P, dt, psd)
 
 

@@ -75,6 +75,7 @@ class Sensor(NamedTuple):
     estimate: tuple[str, ...] = ()  # bias, clock: systematic errors to estimate
     zero_sigma: tuple[float, float, float] | None = None  # their priors: range m, azimuth, elevation rad
     clock_sigma_s: float | None = None  # None: the kind's usual prior
+    slow: float = 1.0  # 1-sigma of an instrument's slow errors, in those of its noise
 
 
 class Step(NamedTuple):

@@ -35,42 +35,44 @@ class Model(NamedTuple):
     offset: np.ndarray  # (s, 3) station ENU, m
     rotation: np.ndarray  # (s, 3, 3) station ENU → sensor ENU
     bend: np.ndarray  # (s,) refraction, rad per metre
-    bias_at: np.ndarray  # (s, 13) state index of the channel's zero error
+    bias_at: np.ndarray  # (s, 13) state index of the channel's systematic error
     clock_at: np.ndarray  # (s,) state index of clock offset or latency, s: value valid at stamp − offset
     rate: np.ndarray  # (n,) 1/τ of each Gauss-Markov state, 0 for constants, 1/s
     prior: np.ndarray  # (n,) variance of each systematic error before the first row; the core's entries are 0
+    slow_of: np.ndarray  # (n − 9,) sensor, of the systematic errors that are its slow errors; else −1
 
 
 def build(
     sensors: Sequence[Sensor], bias_sigma_m: float = ins.BIAS_SIGMA_M, bias_tau_s: float = ins.BIAS_TAU_S
 ) -> Model:
-    """The state is p, v, a, then per sensor its zero errors and its clock, in the sensors' order.
+    """The state is p, v, a, then per sensor its errors by channel and its clock, in the sensors' order.
 
-    Instruments have those they are asked to estimate, an INS has always its position and velocity errors and
-    its latency. ``bias_sigma_m`` and ``bias_tau_s`` are of the INS position error.
+    An instrument's errors are slow, or its zero errors where these are asked for, then slowly changing ones.
+    Its clock is asked for, too; an INS has always its latency. ``bias_sigma_m`` and ``bias_tau_s`` are of the
+    INS position error.
     """
     bias_at = np.full((len(sensors), len(CHANNELS)), -1)
     clock_at = np.full(len(sensors), -1)
-    rate, prior = [0.0] * motion.CORE, [0.0] * motion.CORE
+    rate, prior, slow_of = [0.0] * motion.CORE, [0.0] * motion.CORE, []
     for s, sensor in enumerate(sensors):
         inertial = sensor.kind == "ins"
         if inertial:
-            zeros = {E + axis: (bias_sigma_m, bias_tau_s) for axis in range(3)}
-            zeros |= {VE + axis: (ins.DRIFT_SIGMA_MPS, ins.DRIFT_TAU_S) for axis in range(3)}
+            errors = {E + axis: (bias_sigma_m**2, bias_tau_s) for axis in range(3)}
+            errors |= {VE + axis: (ins.DRIFT_SIGMA_MPS**2, ins.DRIFT_TAU_S) for axis in range(3)}
         else:
-            usual = sensor.zero_sigma or theodolite.ZERO_SIGMA
-            usual = usual if "bias" in sensor.estimate else ()
-            zeros = {c: (sigma, np.inf) for c, sigma in zip((RANGE, AZIMUTH, ELEVATION), usual, strict=False)}
-        for channel, (sigma, tau_s) in zeros.items():
+            errors = _slow_errors(sensor)
+        for channel, (variance, tau_s) in errors.items():
             if np.isfinite(sensor.sigma[channel]):
                 bias_at[s, channel] = len(prior)
-                prior.append(sigma**2)
+                prior.append(variance)
                 rate.append(1.0 / tau_s)
+                slow_of.append(-1 if inertial or "bias" in sensor.estimate else s)
         if inertial or "clock" in sensor.estimate:
             clock_at[s] = len(prior)
             usual_s = ins.LATENCY_SIGMA_S if inertial else theodolite.CLOCK_SIGMA_S
             prior.append((sensor.clock_sigma_s or usual_s) ** 2)
             rate.append(1.0 / CLOCK_TAU_S)
+            slow_of.append(-1)
     return Model(
         is_ins=np.array([sensor.kind == "ins" for sensor in sensors]),
         variance=np.array([sensor.sigma for sensor in sensors], float) ** 2,
@@ -83,7 +85,20 @@ def build(
         clock_at=clock_at,
         rate=np.array(rate),
         prior=np.array(prior),
+        slow_of=np.array(slow_of, np.int64),
     )
+
+
+def _slow_errors(sensor: Sensor) -> dict[int, tuple[float, float]]:
+    """Variance and correlation time of an instrument's errors by channel; zero errors in them if asked."""
+    zeros = sensor.zero_sigma or theodolite.ZERO_SIGMA if "bias" in sensor.estimate else (0.0, 0.0, 0.0)
+    out = {}
+    for channel, zero in zip((RANGE, AZIMUTH, ELEVATION), zeros, strict=True):
+        slow = (sensor.slow * sensor.sigma[channel]) ** 2
+        variance = zero**2 + slow
+        if variance > 0.0:
+            out[channel] = variance, theodolite.SLOW_TAU_S * variance / slow if slow else np.inf
+    return out
 
 
 def scratch(n: int) -> np.ndarray:

@@ -8,12 +8,14 @@ where the data cannot see them.
 
 motion  the window decides, under a log-normal prior around what was usual lately: a manoeuvre begins at once.
 noise   all decided rows of a channel decide, older ones the less; the prior is what the sensor states.
+slow    how large an instrument's slow errors are: what the state says of them decides, as in `follow_slow`.
 """
 
 import numpy as np
 
-from filters.models import motion
+from filters.models import motion, theodolite
 from filters.models.rows import AE, CHANNELS, VE
+from filters.models.state import Model
 from filters.smoother.buffer import Outcome, Rows
 from filters.smoother.passes import Scores
 
@@ -27,6 +29,9 @@ INS_NOISE_SIGMA = 3.0  # velocities and accelerations of an INS: vibration, whic
 NOISE_MEMORY_S = 10.0
 CLIPPED = 3.0  # sigmas that a refused value counts for in its channel's noise
 LOWEST, HIGHEST = np.log(0.25), np.log(1e3)  # of the variance over the stated one
+SLOW_SIGMA = 2.0  # of the prior of log variance of slow errors: 95 % within a factor of seven of the noise
+SLOW_MEMORY_S = 300.0
+SLOW_RANGE = np.log(1e-3), np.log(1e3)
 
 
 def densities(now: np.ndarray, prior: np.ndarray, scores: Scores) -> np.ndarray:
@@ -73,6 +78,41 @@ def follow_motion(
     out[0, moves] = np.clip(mean, np.log(motion.LOWEST[moves]), np.log(motion.HIGHEST[moves]))
     out[1, moves] = information
     return out
+
+
+def slow_prior(sensors: int) -> np.ndarray:
+    """(2, s) log factor of the variance of each instrument's slow errors, and its information, beforehand."""
+    return np.stack([np.zeros(sensors), np.full(sensors, SLOW_SIGMA**-2)])
+
+
+def slow_factors(known: np.ndarray, model: Model) -> np.ndarray:
+    """(n − 9,) factor of each systematic error's variance; 1 where none is estimated."""
+    return np.where(model.slow_of >= 0, np.exp(known[0])[model.slow_of], 1.0)
+
+
+def follow_slow(
+    known: np.ndarray, model: Model, x: np.ndarray, variance: np.ndarray, seconds: float
+) -> np.ndarray:
+    """(2, s) as `slow_prior` after ``seconds`` more, by what the state ``x``, ``variance`` (n,) says of them.
+
+    An error that is known well is a sample of its process, one in two correlation times; of one that the rows
+    do not show nothing is learned. One step by slope and expected information of the samples' expected log
+    likelihood, given all rows so far (as the maximisation of Shumway & Stoffer 1982).
+    """
+    at = motion.CORE + np.flatnonzero(model.slow_of >= 0)
+    owner = model.slow_of[at - motion.CORE]
+    stationary = model.prior[at] * np.exp(known[0, owner])
+    samples = seconds / (2.0 * theodolite.SLOW_TAU_S)
+    seen = np.maximum(1.0 - variance[at] / stationary, 0.0)
+    slope, more = np.zeros((2, known.shape[1]))
+    np.add.at(slope, owner, 0.5 * samples * ((x[at] ** 2 + variance[at]) / stationary - 1.0))
+    np.add.at(more, owner, 0.5 * samples * seen**2)
+    least, keep = SLOW_SIGMA**-2, np.exp(-seconds / SLOW_MEMORY_S)
+    before = least + keep * (known[1] - least)
+    information = before + more
+    mean = keep * known[1] * known[0] / before  # the prior's own mean is 0
+    step = np.clip(slope / information, -MOTION_STEP, MOTION_STEP)
+    return np.stack([np.clip(mean + step, *SLOW_RANGE), information])
 
 
 def noise_prior(is_ins: np.ndarray) -> np.ndarray:

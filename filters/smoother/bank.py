@@ -23,7 +23,6 @@ import numpy as np
 
 from filters.models.motion import CORE
 from filters.models.rows import AE, CHANNELS
-from filters.models.state import prior_covariance
 from filters.smoother import adaptation, gated, start, status
 from filters.smoother.buffer import Rows, outcome
 from filters.smoother.hypothesis import Hypothesis, Moment, Workspace, apart, differ
@@ -69,6 +68,7 @@ class Bank:
         self.space, self.prior, self.excluded = space, prior, excluded
         self.best: Hypothesis | None = None
         self.alternative: Trial | None = None  # nearly as likely, about the same rows
+        self.slow = space.prior_slow  # see `Hypothesis`, of the newest one that was forgotten
         self._close_call, self.spread = False, np.zeros((CORE, CORE))  # (9, 9) doubt between hypotheses
         self._proven_ns = 0  # until then a start of one sensor alone may be the middle of its own run
         self.reason = ""  # of the newest start
@@ -104,7 +104,8 @@ class Bank:
         self.alternative = None
 
     def forget(self) -> None:
-        """No state from here on."""
+        """No state from here on; how large the slow errors are is still known."""
+        self.slow = (self.best or self).slow
         self.best = self.alternative = None
 
     def redecide(self, rows: Rows, keep: int, others: Sequence[Hypothesis] = ()) -> Scores:
@@ -266,8 +267,7 @@ class Bank:
         return int(np.searchsorted(rows.t, rows.t[seen] - LEAD_NS))
 
     def _starts(self, rows: Rows) -> list[Hypothesis]:
-        model, prior = self.space.model, self.prior
-        trials = []
+        model, prior, trials = self.space.model, self.prior, []
         heard = np.flatnonzero(rows.sensor != self.excluded)
         if not len(heard):
             return trials
@@ -277,9 +277,9 @@ class Bank:
                 self._keep_errors(x, P)
             anchor = Moment(int(usable.t[0]), x, P, status.fresh_memory(len(model.is_ins)))
             trial = Hypothesis(self.space, anchor, self.excluded)
+            trial.slow = (self.best or self).slow
             if self.best is not None:
-                trial.scale, trial.motion = self.best.scale, self.best.motion
-                trial.psd = self.best.usual_psd
+                trial.scale, trial.motion, trial.psd = self.best.scale, self.best.motion, self.best.usual_psd
             trial.own = outcome(len(rows.t))
             trial.own.weight[:] = rows.sensor == s
             trial.settle(rows, 0)
@@ -289,12 +289,12 @@ class Bank:
         return trials
 
     def _keep_errors(self, x: np.ndarray, P: np.ndarray) -> None:
-        """Constant errors of the instruments keep what is known of them, twice as unsure; in place."""
+        """The instruments' errors keep what is known of them, twice as unsure; in place."""
         model, known = self.space.model, self.best.anchor
-        kept = CORE + np.flatnonzero(model.rate[CORE:] == 0.0)
-        if len(kept):
-            x[kept] = known.x[kept]
-            both = np.ix_(kept, kept)
-            wide, most = 4.0 * known.P[both], np.diag(prior_covariance(model))[kept]
-            shrink = np.sqrt(np.minimum(1.0, most / np.maximum(np.diag(wide), 1e-300)))
-            P[both] = shrink[:, None] * wide * shrink  # never wider than the prior, and still a covariance
+        kept = np.setdiff1d(model.bias_at[~model.is_ins], [-1])
+        both = np.ix_(kept, kept)
+        usual = adaptation.slow_factors(self.best.slow, model)[kept - CORE]
+        wide, most = 4.0 * known.P[both], model.prior[kept] * np.maximum(usual, 1.0)
+        shrink = np.sqrt(np.minimum(1.0, most / np.maximum(np.diag(wide), 1e-300)))
+        x[kept] = known.x[kept]
+        P[both] = shrink[:, None] * wide * shrink  # never wider than the prior, and still a covariance

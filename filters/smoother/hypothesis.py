@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from filters.models import runs
+from filters.models import motion, runs
 from filters.models.state import Model, scratch
 from filters.smoother import adaptation, gated, passes, status
 from filters.smoother.buffer import Outcome, Rows, outcome
@@ -43,6 +43,7 @@ class Workspace:
         self.model = model
         self.prior_psd, self.prior_noise = prior_psd, adaptation.noise_prior(model.is_ins)
         self.prior_motion = adaptation.motion_prior(prior_psd)
+        self.prior_slow = adaptation.slow_prior(len(model.is_ins))
         self.work, self.r, self.N = scratch(n), np.zeros(n), np.zeros((n, n))
         self.trace = passes.trace(1024, n, 256)
 
@@ -66,6 +67,7 @@ class Hypothesis:
         self.psd_before = self.psd  # of the rows in the window before a manoeuvre: regime 1
         self.log_evidence = self.shortfall = 0.0
         self.scale = space.prior_noise
+        self.slow = space.prior_slow  # (2, s) of how large the slow errors are
         self.surprise = 0.0
         self.young = True  # none of its rows is decided yet
 
@@ -83,8 +85,9 @@ class Hypothesis:
         return np.where(self.psd > 0.0, np.exp(self.motion[0]), 0.0)
 
     def densities(self) -> np.ndarray:
-        """(2, 4) of the regimes: now, and before the manoeuvre that the window has seen."""
-        return np.stack([self.psd, self.psd_before])
+        """(2, n − 5) of the regimes: now, and before the manoeuvre that the window has seen."""
+        factor = adaptation.slow_factors(self.slow, self.space.model)
+        return np.stack([motion.densities(psd, factor) for psd in (self.psd, self.psd_before)])
 
     def admit(self, new: Rows, told: gated.Told, rule: gated.Rule, quiet_ns: int) -> tuple[int, int]:
         """Take ``new`` rows at first sight until one surprises; (rows, epochs) taken.
@@ -94,7 +97,7 @@ class Hypothesis:
         own = outcome(len(new.t))
         own.noise[:] = self._noise(new)
         count, epochs, self.surprise = gated.admit(
-            model, new, own, self.psd, head.x, head.P, head.t_ns, head.memory, self.excluded, rule,
+            model, new, own, self.densities()[0], head.x, head.P, head.t_ns, head.memory, self.excluded, rule,
             self.surprise, quiet_ns, space.room(1, 0), told, space.work,
         )  # fmt: skip
         self.own = Outcome(*(np.concatenate([a, b[:count]]) for a, b in zip(self.own, own, strict=True)))
@@ -184,9 +187,9 @@ class Hypothesis:
             seen = adaptation.noise_scores(left, own, memory[..., runs.CHANCE], model.is_ins)
             scale = adaptation.follow_noise(self.scale, space.prior_noise, seen, seconds)
         self.scale = scale
-        self.motion = adaptation.follow_motion(
-            self.motion, space.prior_motion, self.densities(), found, seconds
-        )
+        psd = np.stack([self.psd, self.psd_before])
+        self.motion = adaptation.follow_motion(self.motion, space.prior_motion, psd, found, seconds)
+        self.slow = adaptation.follow_slow(self.slow, model, x, np.diag(P), seconds)
 
 
 def differ(a: Hypothesis, b: Hypothesis) -> bool:

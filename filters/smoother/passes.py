@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from filters.models.kernel import kernel
-from filters.models.motion import CORE, drift, predict, pull_back, score
+from filters.models.motion import CORE, MOTIONS, drift, predict, pull_back, score
 from filters.models.runs import FRESH
 from filters.models.state import SLOTS, predict_row
 from filters.models.update import update
@@ -68,8 +68,9 @@ def scores() -> Scores:
 def forward(model, rows, own, densities, x, P, t_ns, keep, out, work):
     """Filter all rows, in place from ``x``, ``P`` at ``t_ns``; returns the time reached.
 
-    ``own`` is their `buffer.Outcome`, whose ``regime`` points into ``densities`` (·, 4). The states before
-    the epochs that begin within the first ``keep`` rows stay in ``out``.
+    ``own`` is their `buffer.Outcome`, whose ``regime`` points into ``densities`` (·, n − 5), see
+    `motion.densities`. The states before the epochs that begin within the first ``keep`` rows stay in
+    ``out``.
     """
     n = x.size
     for k in range(rows.t.size):
@@ -116,7 +117,7 @@ def _since_last(model, rows, k, x, P, psd, variance, out):
             before += dt * out.at[j, a + 3]
         elif a >= CORE:
             before *= np.exp(-model.rate[a] * dt)
-            unsure = model.prior[a] * (1.0 - np.exp(-2.0 * model.rate[a] * dt))
+            unsure = psd[a - CORE + MOTIONS] * model.prior[a] * (1.0 - np.exp(-2.0 * model.rate[a] * dt))
         moved += g * (x[a] - before)
         if a < CORE:
             unsure = drift(P, psd, a, dt)

@@ -7,7 +7,7 @@ anchor      │◄──────── some scans of the slowest sensor ─�
 import numpy as np
 
 from filters.models import state as models
-from filters.models.motion import CORE
+from filters.models.motion import CORE, MOTIONS
 from filters.models.rows import TRACK
 from filters.models.settings import Settings
 from filters.models.store import InMemory, Keep
@@ -21,8 +21,12 @@ SPEED_LOST_MPS = start.SPEED_SIGMA_MPS  # a prediction that knows less than a st
 LOST_FACTOR = 5.0  # of what may be published: beyond, rows are better taken for a start
 SILENCE_NS = 250_000_000  # since the newest row, from which a gap may be one
 TURNS = 4  # re-decisions for one of the banks without a sensor
-DENSITIES = np.dtype([("psd", "f8", (4,))])
 RECENT_ROWS, RECENT_SCANS = 64, 6  # of a sensor before the window, and in all, that tell its scan
+
+
+def density_type(states: int) -> np.dtype:
+    """As which the densities of a window are stored, see `motion.densities`."""
+    return np.dtype([("psd", "f8", (states - CORE + MOTIONS,))])
 
 
 class Window:
@@ -38,7 +42,7 @@ class Window:
         robust: bool,
     ):
         self.space, self.buffer, self.now, self.robust = space, buffer, progress, robust
-        self.densities = keep(DENSITIES)  # of the motion, of every window that was decided
+        self.densities = keep(density_type(len(space.model.prior)))  # of every window that was decided
 
     def lag_ns(self, settings: Settings) -> int:
         """How long later rows may change a decision: some scans of the slowest sensor that is speaking."""
@@ -161,7 +165,7 @@ class Window:
         self._count(rows, cut)
         made = buffer.made(buffer.decided, buffer.decided + cut)
         made.regime[:] += len(self.densities)
-        self.densities.append(now.best.densities().view(DENSITIES)[:, 0])
+        self.densities.append(now.best.densities().view(density_type(len(now.best.anchor.x)))[:, 0])
         seconds = (int(rows.t[cut - 1]) - now.best.anchor.t_ns) * 1e-9
         now.banks[0].commit(rows, cut, found, seconds)
         for bank in now.banks[1:]:

@@ -50,6 +50,9 @@ class SensorPrior(Section, frozen=True):
     )
     elevation_deg: Annotated[AngleSigma, Meta(description="levelling")] = 0.05
     clock_s: Annotated[float, Meta(ge=1e-6, le=10.0, description="a PC clock on NTP over a poor link")] = 0.1
+    slow: Annotated[
+        float, Meta(ge=0.0, le=10.0, description="errors that last for seconds, as multiples of `sigma`")
+    ] = 1.0
 
 
 class ChannelLatency(Section, frozen=True):

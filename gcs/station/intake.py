@@ -48,7 +48,7 @@ def sensors_of(station: Station, frame: Frame) -> list[Sensor]:
         offset, rotation = frame.place_sensor(sensor)
         prior = sensor.prior
         zero_sigma = prior.range_m, np.radians(prior.azimuth_deg), np.radians(prior.elevation_deg)
-        about = sensor.refraction, tuple(sensor.estimate), zero_sigma, prior.clock_s
+        about = sensor.refraction, tuple(sensor.estimate), zero_sigma, prior.clock_s, prior.slow
         sensors.append(Sensor(sensor.name, sensor.kind, sigma, offset, rotation, *about))
     return sensors
 

@@ -11,7 +11,7 @@ SITES = {"theo-a": (800.0, 0.0, 0.0), "theo-b": (0.0, 900.0, 10.0), "radar": (-7
 SIGMA = {"theo-a": (1.0, 5e-5, 5e-5), "theo-b": (1.0, 5e-5, 5e-5), "radar": (5.0, 1e-3, 1e-3, 0.3)}
 
 
-def sensors(names=("ins", *SITES), estimate=()) -> list[Sensor]:
+def sensors(names=("ins", *SITES), estimate=(), slow=1.0) -> list[Sensor]:
     out = []
     for name in names:
         sigma = np.full(13, np.nan)
@@ -21,7 +21,7 @@ def sensors(names=("ins", *SITES), estimate=()) -> list[Sensor]:
         else:
             sigma[: len(SIGMA[name])] = SIGMA[name]
             kind = "radar" if name == "radar" else "theodolite"
-            out.append(Sensor(name, kind, sigma, np.array(SITES[name]), estimate=estimate))
+            out.append(Sensor(name, kind, sigma, np.array(SITES[name]), estimate=estimate, slow=slow))
     return out
 
 

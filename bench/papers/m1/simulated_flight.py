@@ -86,7 +86,7 @@ def m1_ukf(
     """The paper's unscented filter with its outlier handling; arguments as `baselines.ekf`."""
     noise = np.full(len(CHANNELS), np.nan)
     noise[:3] = sigma
-    about = state.build([Sensor("theodolite", "theodolite", noise)])
+    about = state.build([Sensor("theodolite", "theodolite", noise, slow=0.0)])
     n = len(z)
     measured = np.zeros(3 * n, ROW)
     measured["t_ns"] = np.repeat(np.arange(1, n + 1) * round(step_s * 1e9), 3)

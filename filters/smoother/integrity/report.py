@@ -39,13 +39,15 @@ def report(
                 "nis_mean": float(total / used) if used else None,
                 "nis_band_95": [float(1.0 - half), float(1.0 + half)] if used else None,
             }
-        out["sensors"][sensor.name] = {"channels": channels, "errors": _errors(model, s, x, P, heard)}
+        asked = sensor.kind == "ins" or "bias" in sensor.estimate
+        found = _errors(model, s, x, P, heard, zeros=asked)
+        out["sensors"][sensor.name] = {"channels": channels, "errors": found}
     return out
 
 
-def _errors(model, s, x, P, heard) -> dict:
+def _errors(model, s, x, P, heard, *, zeros: bool) -> dict:
     """Systematic errors of sensor ``s``: value, sigma, prior sigma, unit, observable."""
-    where = {CHANNELS[c]: (i, UNITS[CHANNELS[c]]) for c, i in enumerate(model.bias_at[s]) if i >= 0}
+    where = {CHANNELS[c]: (i, UNITS[CHANNELS[c]]) for c, i in enumerate(model.bias_at[s]) if zeros and i >= 0}
     if model.clock_at[s] >= 0:
         where["latency" if model.is_ins[s] else "clock"] = (model.clock_at[s], "s")
     out = {}

@@ -92,7 +92,7 @@ def test_what_waits_for_a_start_in_vain_is_not_forgotten():
 @pytest.mark.parametrize("channel", [RANGE, AZIMUTH])
 def test_wolf_is_the_textbook_filter_with_more_noise(channel, off_sigma):
     """One value: the full filter's update with R/w, w by the formula of the paper."""
-    used = sensors(["theo-a"])
+    used = sensors(["theo-a"], slow=0.0)
     x, P = np.array([100.0, 400.0, 200.0, 20.0, -5.0, 1.0, 0.5, 1.0, 0.0]), np.diag([4.0] * 3 + [1.0] * 6)
     sigma = used[0].sigma[channel]
     measured = full_ukf.update(x, P, used[0], channel, 0.0)[2] * -1 + off_sigma * sigma

@@ -12,8 +12,16 @@ from tests.filters.smoother.kit import small
 
 pytestmark = pytest.mark.decision
 
-MODEL = build([small.ins(clock_sigma_s=0.1), small.theodolite(estimate=("bias", "clock"))])
+MODEL = build(
+    [
+        small.ins(clock_sigma_s=0.1),
+        small.theodolite(estimate=("bias", "clock")),
+        small.radar(slow=1.0),
+        small.theodolite(estimate=("bias",), slow=0.5),
+    ]
+)
 N = len(MODEL.prior)
+DENSITIES = small.densities(MODEL, factor=np.geomspace(0.05, 30.0, N - CORE))
 STEPS = [1e-3, 0.05, 0.3, 2.0, 30.0, 100.0]
 
 
@@ -26,9 +34,9 @@ def some_state(seed):
 @pytest.mark.parametrize("dt", STEPS)
 def test_predict_equals_van_loan(dt):
     x, P = some_state(0)
-    F, Q = small.transition(dt, small.PSD, MODEL)
+    F, Q = small.transition(dt, DENSITIES, MODEL)
     moved, spread = x.copy(), P.copy()
-    motion.predict(moved, spread, dt, small.PSD, MODEL.rate, MODEL.prior)
+    motion.predict(moved, spread, dt, DENSITIES, MODEL.rate, MODEL.prior)
     assert np.allclose(moved, F @ x, rtol=1e-10, atol=1e-9)
     expected = F @ P @ F.T + Q
     scale = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
@@ -39,15 +47,15 @@ def test_predict_equals_van_loan(dt):
 @pytest.mark.parametrize("dt", STEPS[:4])
 def test_drift_is_the_variance_of_what_nobody_expects(dt):
     _, P = some_state(3)
-    F, Q = small.transition(dt, small.PSD, MODEL)
+    F, Q = small.transition(dt, DENSITIES, MODEL)
     expected = np.diag((F - np.eye(N)) @ P @ (F - np.eye(N)).T + Q)
-    assert [motion.drift(P, small.PSD, i, dt) for i in range(CORE)] == pytest.approx(expected[:CORE])
+    assert [motion.drift(P, DENSITIES, i, dt) for i in range(CORE)] == pytest.approx(expected[:CORE])
 
 
 @pytest.mark.parametrize("dt", STEPS)
 def test_the_noise_is_a_covariance(dt):
     P = np.zeros((N, N))
-    motion.predict(np.zeros(N), P, dt, small.PSD, MODEL.rate, MODEL.prior)
+    motion.predict(np.zeros(N), P, dt, DENSITIES, MODEL.rate, MODEL.prior)
     sigma = np.sqrt(np.diag(P))
     used = sigma > 0
     assert used[:CORE].all()
@@ -58,7 +66,7 @@ def test_the_noise_is_a_covariance(dt):
 def test_no_time_changes_nothing():
     x, P = some_state(1)
     moved, spread = x.copy(), P.copy()
-    motion.predict(moved, spread, 0.0, small.PSD, MODEL.rate, MODEL.prior)
+    motion.predict(moved, spread, 0.0, DENSITIES, MODEL.rate, MODEL.prior)
     assert np.array_equal(moved, x)
     assert np.allclose(spread, P)
 
@@ -66,26 +74,27 @@ def test_no_time_changes_nothing():
 def test_two_steps_are_one():
     x, P = some_state(2)
     y, Q = x.copy(), P.copy()
-    motion.predict(x, P, 0.7, small.PSD, MODEL.rate, MODEL.prior)
+    motion.predict(x, P, 0.7, DENSITIES, MODEL.rate, MODEL.prior)
     for dt in (0.2, 0.5):
-        motion.predict(y, Q, dt, small.PSD, MODEL.rate, MODEL.prior)
+        motion.predict(y, Q, dt, DENSITIES, MODEL.rate, MODEL.prior)
     assert np.allclose(x, y, rtol=1e-12)
     assert np.allclose(P, Q, rtol=1e-9)
 
 
-def test_errors_go_back_to_their_prior():
+def test_errors_go_back_to_their_prior_times_its_factor():
     x, P = some_state(3)
-    motion.predict(x, P, 3600.0, small.PSD, MODEL.rate, MODEL.prior)
+    motion.predict(x, P, 3600.0, DENSITIES, MODEL.rate, MODEL.prior)
     fading = np.flatnonzero(MODEL.rate > 1e-3)
     assert np.allclose(x[fading], 0.0, atol=1e-9)
-    assert np.allclose(np.diag(P)[fading], MODEL.prior[fading])
+    factor = DENSITIES[motion.MOTIONS :]
+    assert np.allclose(np.diag(P)[fading], factor[fading - CORE] * MODEL.prior[fading])
     constant = CORE + np.flatnonzero(MODEL.rate[CORE:] == 0.0)
     assert np.array_equal(x[constant], some_state(3)[0][constant])
 
 
 @pytest.mark.parametrize("dt", STEPS)
 def test_pull_back_is_the_transpose(dt):
-    F, _ = small.transition(dt, small.PSD, MODEL)
+    F, _ = small.transition(dt, DENSITIES, MODEL)
     r, M = some_state(4)
     back, back_N = r.copy(), M.copy()
     motion.pull_back(back, back_N, dt, MODEL.rate)
@@ -101,7 +110,7 @@ def test_pull_back_keeps_every_product(dt, seed):
     rng = np.random.default_rng(seed)
     x, r, M = rng.normal(size=N), rng.normal(size=N), np.zeros((N, N))
     moved, back = x.copy(), r.copy()
-    motion.predict(moved, np.zeros((N, N)), dt, small.PSD, MODEL.rate, MODEL.prior)
+    motion.predict(moved, np.zeros((N, N)), dt, DENSITIES, MODEL.rate, MODEL.prior)
     motion.pull_back(back, M, dt, MODEL.rate)
     terms = np.abs(r) @ np.abs(moved) + np.abs(back) @ np.abs(x)
     assert abs(r @ moved - back @ x) <= 1e-12 * terms
@@ -112,7 +121,7 @@ def test_score_is_the_trace_formula():
     root = rng.normal(size=(N, N))
     r, M, dt = rng.normal(size=N), root @ root.T, 0.4
     slope, information = found = np.zeros((2, 4))
-    motion.score(r, M, dt, small.PSD, found)
+    motion.score(r, M, dt, DENSITIES, found)
     for j in range(4):
         one = np.where(np.arange(4) == j, small.PSD, 0.0)
         _, Q = small.transition(dt, one)

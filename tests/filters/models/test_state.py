@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pytest
 
-from filters.models import state
+from filters.models import state, theodolite
 from filters.models.motion import CORE
 from filters.models.rows import AZIMUTH, CHANNELS, ELEVATION, RANGE, RANGE_RATE, VE, E
 from filters.models.unscented import difference
@@ -72,6 +72,73 @@ def test_the_state_has_what_the_sensors_ask_for():
     assert not model.rate[16:19].any()
     assert not model.prior[:CORE].any()
     assert not state.floating(model)
+
+
+SLOW = {"r": 2.0, "az": 3e-4, "el": 1e-4, "rr": 0.3}
+ZEROS = 5.0, 1e-3, 2e-3
+
+
+def slow_states(slow, estimate=(), **sigma):
+    """(variance, correlation time, whose) of a second instrument's errors, (13,) each; NaN where none."""
+    sensor = small.radar(slow=slow, estimate=estimate, **(sigma or SLOW))._replace(zero_sigma=ZEROS)
+    model = state.build([small.ins(), sensor])
+    at = np.maximum(model.bias_at[1], 0)
+    with np.errstate(divide="ignore"):
+        found = model.prior[at], 1.0 / model.rate[at], np.append(np.zeros(CORE), model.slow_of)[at]
+    return [np.where(model.bias_at[1] >= 0, column, np.nan) for column in found]
+
+
+@pytest.mark.parametrize("slow", [1.0, 0.5, 3.0])
+def test_an_instrument_has_slow_errors_as_multiples_of_its_noise(slow):
+    variance, tau_s, whose = slow_states(slow)
+    expected = (slow * np.array([SLOW["r"], SLOW["az"], SLOW["el"]])) ** 2
+    assert variance[:3] == pytest.approx(expected)
+    assert tau_s[:3] == pytest.approx(theodolite.SLOW_TAU_S)
+    assert whose[:3].tolist() == [1, 1, 1]
+    assert np.isnan(variance[3:]).all()  # a range rate has none
+
+
+@pytest.mark.parametrize("slow", [1.0, 3.0])
+def test_a_zero_error_that_is_asked_for_holds_the_slow_one_too(slow):
+    """One state of both variances, driven by the same white noise as the slow one alone: 2 variance / tau."""
+    variance, tau_s, whose = slow_states(slow, ("bias",))
+    alone, alone_s, _ = slow_states(slow)
+    assert variance[:3] == pytest.approx(np.square(ZEROS) + alone[:3])
+    assert variance[:3] / tau_s[:3] == pytest.approx(alone[:3] / alone_s[:3])
+    assert (tau_s[:3] > theodolite.SLOW_TAU_S).all()
+    assert whose[:3].tolist() == [-1, -1, -1]  # its prior is the station's, not learned
+
+
+def test_without_slow_errors_the_state_is_as_it_was_before_them():
+    assert np.isnan(slow_states(0.0)[0]).all()
+    variance, tau_s, whose = slow_states(0.0, ("bias",))
+    assert variance[:3] == pytest.approx(np.square(ZEROS))
+    assert np.isinf(tau_s[:3]).all()
+    assert whose[:3].tolist() == [-1, -1, -1]
+
+
+@pytest.mark.parametrize("estimate", [(), ("bias",), ("bias", "clock")], ids="+".join)
+def test_a_channel_that_an_instrument_has_not_has_no_errors(estimate):
+    variance, *_ = slow_states(1.0, estimate, az=3e-4, el=1e-4)
+    assert np.isnan(variance[RANGE])
+    assert np.isfinite(variance[[AZIMUTH, ELEVATION]]).all()
+
+
+def test_slow_of_says_whose_factor_a_state_has():
+    sensors = [
+        small.theodolite(slow=1.0, estimate=("clock",)),
+        small.ins(),
+        small.radar(slow=0.0),
+        small.theodolite(slow=2.0),
+    ]
+    model = state.build(sensors)
+    expected = np.full(len(model.prior), -1)
+    for s in (0, 3):
+        expected[model.bias_at[s, :3]] = s
+    assert model.slow_of.tolist() == expected[CORE:].tolist()
+    assert len(state.build([small.radar()]).slow_of) == 0
+    ins = small.ins()
+    assert np.array_equal(state.build([ins._replace(slow=5.0)]).prior, state.build([ins]).prior)
 
 
 def test_where_all_clocks_float_a_common_shift_is_no_error():

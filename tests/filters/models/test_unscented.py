@@ -33,7 +33,7 @@ def reduced(built, channel, x, P, measured):
 @pytest.mark.parametrize("channel", [RANGE, AZIMUTH, ELEVATION, RANGE_RATE], ids=CHANNELS[:4])
 def test_reduced_points_equal_the_full_nineteen(channel):
     """Of a position that is not too wide for sigma points around it, see `unscented.WIDE`."""
-    radar = sensors(["radar"])
+    radar = sensors(["radar"], slow=0.0)
     built = state.build(radar)
     rng = np.random.default_rng(7)
     for _ in range(20):
@@ -68,6 +68,7 @@ def test_gradient_is_the_derivative_where_the_state_is_sharp():
 @pytest.mark.slow
 def test_a_whole_flight_equals_filterpy():
     _, used, rows, _ = scene(11, seconds=20.0, names=("theo-a", "theo-b", "radar"))
+    used = [one._replace(slow=0.0) for one in used]  # as the textbook's
     built = state.build(used)
     x0 = np.array([0, 0, 120.0, 0, 0, 0, 0, 0, 0])
     P0 = np.diag(np.repeat([400.0, 400.0, 25.0], 3))

@@ -274,10 +274,12 @@ def test_a_manoeuvre_begins_before_it_is_seen():
     assert rows.t[begin] == rows.t[rows.t >= rows.t[rows.t >= seen][0] - bank.LEAD_NS][0]
 
 
-def test_a_restart_keeps_what_is_known_of_an_instruments_errors():
-    sensors = [A._replace(estimate=("bias",)), B, RADAR]
+@pytest.mark.parametrize("about", [{"estimate": ("bias",)}, {"slow": 4.0}], ids=str)
+def test_a_restart_keeps_what_is_known_of_an_instruments_errors(about):
+    sensors = [A._replace(**about), B, RADAR]
     one, _rows = later(sensors)
     at = one.space.model.bias_at[0, RANGE]
+    one.best.slow = np.array([[-1.0, 0.0, 0.0], [1.0, 1.0, 1.0]])
     one.best.anchor.x[at], one.best.anchor.P[at, at] = 7.0, 0.04
     x, P = np.zeros(len(one.best.anchor.x)), state.prior_covariance(one.space.model)
     one._keep_errors(x, P)
@@ -285,7 +287,10 @@ def test_a_restart_keeps_what_is_known_of_an_instruments_errors():
     assert P[at, at] == pytest.approx(4 * 0.04)
     one.best.anchor.P[at, at] = 1e6
     one._keep_errors(x, P)
-    assert P[at, at] == one.space.model.prior[at]
+    assert P[at, at] == pytest.approx(one.space.model.prior[at])
+    one.best.slow[0, 0] = 1.0  # an error that may be larger than stated
+    one._keep_errors(x, P)
+    assert P[at, at] == pytest.approx(one.space.model.prior[at] * (np.e if "slow" in about else 1.0))
 
 
 # ---- doubt

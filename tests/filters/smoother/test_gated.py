@@ -25,16 +25,17 @@ def start(model, sigma=1.0):
 
 
 def admit(
-    model, rows, x, P, memory=None, *, excluded=-1, rule=gated.BY_STATUS, quiet_ns=NEVER, surprise=0.0, t_ns=0
-):
+    model, rows, x, P, memory=None, *, excluded=-1, rule=gated.BY_STATUS, quiet_ns=NEVER, surprise=0.0,
+    t_ns=0, factor=1.0,
+):  # fmt: skip
     """(rows taken, epochs, surprise, own, told); ``x``, ``P`` and ``memory`` in place."""
     memory = status.fresh_memory(len(model.is_ins)) if memory is None else memory
     own, n = outcome(len(rows.t)), len(x)
     own.noise[:] = rows.stated
     told = gated.told(len(rows.t), n)
     taken = gated.admit(
-        model, rows, own, small.PSD, x, P, t_ns, memory, excluded, rule, surprise, quiet_ns,
-        passes.trace(1, n, 0), told, state.scratch(n),
+        model, rows, own, small.densities(model, factor=factor), x, P, t_ns, memory, excluded, rule,
+        surprise, quiet_ns, passes.trace(1, n, 0), told, state.scratch(n),
     )  # fmt: skip
     return *taken, own, told
 
@@ -72,11 +73,12 @@ def test_where_all_agree_the_rows_go_as_they_come():
     assert (np.diff(own.sigma) < 0).all()
 
 
-def test_an_update_at_first_sight_is_the_filters_own():
+@pytest.mark.parametrize("factor", [1.0, 0.05, 20.0])
+def test_an_update_at_first_sight_is_the_filters_own(factor):
     """Everything taken: the dense solution of the rows so far, epoch by epoch."""
     model, rows, x, P, H = small.linear_case()
-    dense = small.Dense(model, rows, x, P, small.PSD, H)
-    count, epochs, _, own, told = admit(model, rows, x.copy(), P.copy(), rule=EVERYTHING)
+    dense = small.Dense(model, rows, x, P, small.densities(model, factor=factor), H)
+    count, epochs, _, own, told = admit(model, rows, x.copy(), P.copy(), rule=EVERYTHING, factor=factor)
     assert (count, epochs) == (len(rows.t), len(np.unique(rows.t)))
     assert (own.weight == 1.0).all()
     for e, t in enumerate(np.unique(rows.t)):

@@ -203,9 +203,11 @@ def test_excluded_it_says_what_the_others_say():
     assert np.array_equal(one.own.residual[kept], other.own.residual[kept])
 
 
-def test_first_sight_then_the_window_end_in_the_same_state():
+@pytest.mark.parametrize("slow", [0.0, 1.0])
+def test_first_sight_then_the_window_end_in_the_same_state(slow):
     """No outliers, same densities: filtered forward is filtered forward."""
-    one, rows, model = hypothesis(small.four())
+    one, rows, model = hypothesis([sensor._replace(slow=slow) for sensor in small.four()])
+    one.slow = np.array([[0.0, 1.0, -1.0, 2.0], one.slow[1]])
     one.own = outcome(0)
     told = gated.told(len(rows.t), len(model.prior))
     count, _ = one.admit(rows, told, gated.Rule(gated.IGG, np.inf, np.inf), NEVER)
@@ -216,21 +218,46 @@ def test_first_sight_then_the_window_end_in_the_same_state():
     assert np.allclose(one.head.P, P, rtol=1e-9, atol=1e-12)
 
 
+@pytest.mark.parametrize("slow", [0.0, 1.0])
 @pytest.mark.parametrize("cut", [1, 40, 200])
-def test_committed_in_parts_is_all_at_once(cut):
+def test_committed_in_parts_is_all_at_once(cut, slow):
     """The anchor passes the first rows, the rest is filtered from there: the same head as from the start."""
-    one, rows, _ = hypothesis(small.four())
+    one, rows, _ = hypothesis([sensor._replace(slow=slow) for sensor in small.four()])
+    one.slow = np.array([[0.0, 1.0, -1.0, 2.0], one.slow[1]])
     found = one.settle(rows, cut)
     one._smooth(rows, 0)  # with the densities as they are now
     x, P, weight, scale = one.head.x.copy(), one.head.P.copy(), one.own.weight.copy(), one.scale
+    slow_errors = one.slow
     one.commit(rows, cut, found, 0.0)
     assert one.anchor.t_ns == rows.t[cut - 1]
     assert np.array_equal(one.own.weight, weight[cut:])
     rest = Rows(*(column[cut:] for column in rows))
-    one.scale = scale
+    one.scale, one.slow = scale, slow_errors
     one._smooth(rest, 0)
     assert np.allclose(one.head.x, x, rtol=1e-9, atol=1e-9)
     assert np.allclose(one.head.P, P, rtol=1e-8, atol=1e-12)
+
+
+def test_of_both_regimes_the_errors_have_the_same_factor():
+    sensors = [small.ins(), small.theodolite(slow=1.0)]
+    one, _, model = hypothesis(sensors)
+    one.slow = np.array([[3.0, np.log(4.0)], one.slow[1]])
+    one.psd_before = 30.0 * one.psd
+    now, before = one.densities()
+    assert np.array_equal(now[4:], before[4:])
+    assert np.array_equal(before[:4], 30.0 * now[:4])
+    assert now[4:] == pytest.approx(np.where(model.slow_of == 1, 4.0, 1.0))
+
+
+def test_the_factor_of_slow_errors_is_followed_where_rows_are_decided():
+    """The theodolite's ranges, 4 of its sigmas off against an INS that knows better, must be slow errors."""
+    sensors = [small.ins(clock_sigma_s=1e-9, p=0.05, v=0.05), small.theodolite(slow=1.0)]
+    one, rows, _ = hypothesis(sensors)
+    spoil(rows, where(rows, 1, RANGE), 4.0)
+    found = one.settle(rows, len(rows.t))
+    one.commit(rows, len(rows.t), found, 2.0)
+    assert one.slow[0, 0] == 0.0
+    assert one.slow[0, 1] > 0.1
 
 
 def test_smoothed_states_of_the_kept_rows_are_nearer_the_truth():

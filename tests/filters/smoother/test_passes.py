@@ -20,8 +20,8 @@ WEIGHTS = {
 }
 
 
-def both(model, rows, x, P, weight, psd=small.PSD, noise=None, keep=None):
-    """(own, trace, scores, r, N) after one pass forward and backward."""
+def both(model, rows, x, P, weight, psd=small.PSD, noise=None, keep=None, factor=1.0):
+    """(own, trace, scores, r, N) after one pass forward and backward; ``factor`` as in `small.densities`."""
     own = small.fresh(rows)
     own.weight[:] = weight
     if noise is not None:
@@ -30,7 +30,7 @@ def both(model, rows, x, P, weight, psd=small.PSD, noise=None, keep=None):
     keep = k if keep is None else keep
     out, found = passes.trace(k, n, k), passes.scores()
     work, r, N = state.scratch(n), np.zeros(n), np.zeros((n, n))
-    densities = np.array([psd])
+    densities = small.densities(model, psd, factor)[None]
     head_x, head_P = x.copy(), P.copy()
     passes.forward(model, rows, own, densities, head_x, head_P, int(rows.t[0]), keep, out, work)
     passes.backward(model, rows, own, densities, keep, out, r, N, found, work)
@@ -39,6 +39,13 @@ def both(model, rows, x, P, weight, psd=small.PSD, noise=None, keep=None):
 
 def in_use(own):
     return np.flatnonzero(own.weight > 0), own.noise / np.maximum(own.weight, 1e-30)
+
+
+def slow_case(seed=0):
+    """(model, rows, x, P, H, rows as coordinates, (n − 9,) factors), the errors' factors far from 1."""
+    case = small.ranging_case(seed)
+    factor = np.exp(np.random.default_rng(seed + 50).uniform(-3.0, 3.0, len(case[2]) - CORE))
+    return *case, factor
 
 
 @pytest.mark.parametrize("kind", WEIGHTS)
@@ -65,6 +72,26 @@ def test_smoothed_states_are_the_batch_solution(kind):
         assert np.allclose(out.P[first][:CORE, :CORE], cov[at, at][:CORE, :CORE], atol=1e-7)
     assert np.allclose(head_x, mean[-n:], atol=1e-7)
     assert np.allclose(head_P, cov[-n:, -n:], atol=1e-7)
+
+
+@pytest.mark.parametrize("kind", WEIGHTS)
+def test_slow_errors_of_any_factor_are_followed_as_in_the_batch_solution(kind):
+    model, rows, x, P, H, near, factor = slow_case()
+    own, out, _, head_x, head_P = both(model, rows, x, P, WEIGHTS[kind](len(rows.t)), factor=factor)
+    dense = small.Dense(model, near, x, P, small.densities(model, factor=factor), H)
+    use, noise = in_use(own)
+    mean, cov = dense.given(use, noise)
+    n = dense.n
+    for e, t in enumerate(np.unique(rows.t)):
+        first, at = np.searchsorted(rows.t, t), slice(e * n, (e + 1) * n)
+        assert np.allclose(out.x[first], mean[at], atol=1e-4)
+        assert np.allclose(out.P[first][:CORE, :CORE], cov[at, at][:CORE, :CORE], atol=1e-4)
+    assert np.allclose(head_x, mean[-n:], atol=1e-4)
+    assert np.allclose(head_P, cov[-n:, -n:], atol=1e-4)
+    for k in range(len(rows.t)):
+        residual, sigma = dense.left_out(k, use, noise, own.noise[k])
+        assert own.residual[k] == pytest.approx(residual, abs=1e-4)
+        assert own.sigma[k] == pytest.approx(sigma, rel=1e-5)
 
 
 @pytest.mark.parametrize(
@@ -129,7 +156,7 @@ def test_kept_rows_speak_of_the_densities_of_their_own_regime():
     own = small.fresh(rows)
     own.regime[: k // 2] = 1
     out, found = passes.trace(k, n, k), passes.scores()
-    work, twice = state.scratch(n), np.array([small.PSD, small.PSD])
+    work, twice = state.scratch(n), np.tile(small.densities(model), (2, 1))
     passes.forward(model, rows, own, twice, x.copy(), P.copy(), int(rows.t[0]), k, out, work)
     passes.backward(model, rows, own, twice, k, out, np.zeros(n), np.zeros((n, n)), found, work)
     assert found.kept[:, 1].all()
@@ -174,11 +201,32 @@ def test_what_has_moved_a_prediction_is_what_others_said_since():
     assert untouched.moved == pytest.approx(0.0, abs=1e-9)
 
 
+def test_what_may_have_moved_since_is_counted_entry_by_entry():
+    """hᵀ((F − I) P (F − I)ᵀ + Q) h of each entry by itself, of slow errors their noise by its factor."""
+    model, rows, x, P, H, _, factor = slow_case(1)
+    densities = small.densities(model, factor=factor)
+    _, out, *_ = both(model, rows, x, P, 0.0, factor=factor)
+    for k in range(len(rows.t)):
+        before = np.flatnonzero((rows.channel[:k] == rows.channel[k]) & (rows.sensor[:k] == rows.sensor[k]))
+        if not len(before):
+            continue
+        F, Q = small.transition((rows.t[k] - rows.t[before[-1]]) * 1e-9, densities, model)
+        ahead, at = P.copy(), rows.t[0]
+        for t in np.unique(rows.t[: k + 1]):
+            step, noise = small.transition((t - at) * 1e-9, densities, model)
+            ahead, at = step @ ahead @ step.T + noise, t
+        rest = F - np.eye(len(x))
+        moved = rest @ ahead @ rest.T
+        moved[CORE:, CORE:] = 0.0  # of an error what is left of it is in the prediction, see ``moved``
+        assert out.fresh[k] == pytest.approx(H[k] ** 2 @ np.diag(moved + Q), rel=1e-5)
+        assert out.moved[k] == pytest.approx(0.0, abs=1e-4)
+
+
 def test_a_regime_drives_the_motion_on_the_way_to_its_rows():
     model, rows, x, P, _H = small.linear_case(6)
     own, n = small.fresh(rows), len(x)
     own.regime[rows.t >= rows.t[8]] = 1
-    densities = np.array([small.PSD, 100.0 * small.PSD])
+    densities = np.array([small.densities(model, psd) for psd in (small.PSD, 100.0 * small.PSD)])
     at, out = int(rows.t[0]), passes.trace(len(rows.t), n, 1)
     x_, P_ = x.copy(), P.copy()
     passes.forward(model, rows, own, densities, x_, P_, at, 0, out, state.scratch(n))

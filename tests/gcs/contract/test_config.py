@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from filters.models import theodolite
+from filters.models.rows import Sensor
 from filters.models.settings import Settings
 from gcs.contract import config, limits
 from gcs.contract.messages import InputError
@@ -76,6 +77,14 @@ def test_resolved_file_is_the_same_station(write):
         ("latency_s = 0.0", "latency_s = { range_m = 99 }", 12, "latency_s.range_m: 99 cannot be"),
         ("latency_s = 0.0", 'latency_s = "abc"', 12, "a number from -10 to 10, or a table of azimuth_deg"),
         ("latency_s = 0.0", "tilt_deg = { east = 90 }", 12, "tilt_deg.east: 90 cannot be"),
+        (
+            "latency_s = 0.0",
+            "prior = { slow = -0.1 }",
+            12,
+            "prior.slow: -0.1 cannot be; valid is a number from 0",
+        ),
+        ("latency_s = 0.0", "prior = { slow = 10.1 }", 12, "valid is a number from 0 to 10"),
+        ("latency_s = 0.0", "prior = { slow_s = 1.0 }", 12, "elevation_deg, range_m, slow"),
         ("latency_s = 0.0", "# latency_s = 0\nlatency_s = 99", 13, "99 cannot be"),
         ('name = "uav1"', "height_m = { mean = 10.0 }", 5, "sigma"),
         ('name = "uav1"', "height_m = { mean = 10.0, sigma = nan }", 5, "sigma: nan cannot be"),
@@ -128,6 +137,15 @@ def test_latency_of_every_channel(write):
     assert config.load(write(config.dump(station))) == station
 
 
+def test_slow_errors_of_an_instrument(write):
+    """As large as the noise where the file is silent; 0 is none."""
+    text = STATION.replace("latency_s = 0.0", "prior = { slow = 0 }")
+    station = config.load(write(text), ["sensor.radar-1.prior.slow=2.5"])
+    assert [sensor.prior.slow for sensor in station.sensor] == [0.0, 2.5]
+    assert [sensor.prior.slow for sensor in config.load(write(STATION)).sensor] == [1.0, 1.0]
+    assert config.load(write(config.dump(station))) == station
+
+
 def test_every_setting_says_where_it_comes_from(write):
     path = write(STATION)
     found = {s.name: s for s in config.resolved(path, ["filter.lag_scans=4"])}
@@ -154,6 +172,7 @@ def test_priors_and_refraction_are_those_of_the_mathematics():
     zero = prior.range_m, np.radians(prior.azimuth_deg), np.radians(prior.elevation_deg)
     assert zero == pytest.approx(theodolite.ZERO_SIGMA)
     assert prior.clock_s == theodolite.CLOCK_SIGMA_S
+    assert prior.slow == Sensor._field_defaults["slow"]
     kind = msgspec.inspect.type_info(config.SensorSection).fields
     (refraction,) = (field.type for field in kind if field.name == "refraction")
     assert set(refraction.type.values) == set(theodolite.REFRACTION)

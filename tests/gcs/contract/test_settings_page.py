@@ -20,5 +20,5 @@ def test_every_setting_has_a_row_and_every_row_a_reason():
     names = {cells[0].strip(" `") for cells in rows}
     for section in msgspec.inspect.type_info(config.FilterSection).fields:
         assert section.name in names
-    assert {"latency_s.range_m", "tilt_deg.east", "orientation_deg", "height_m.mean"} <= names
+    assert {"latency_s.range_m", "tilt_deg.east", "orientation_deg", "prior.slow", "height_m.mean"} <= names
     assert [cells[0] for cells in rows if not cells[-1].strip()] == []

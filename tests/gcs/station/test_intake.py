@@ -11,6 +11,7 @@ from gcs.contract.config import (
     Position,
     SensorPrior,
     SensorSection,
+    SensorSigma,
     Station,
     VehicleSection,
 )
@@ -23,7 +24,7 @@ SITE = Position(lat_deg=-35.35, lon_deg=149.16, alt_m=640.0)
 
 
 def test_priors_reach_the_state():
-    prior = SensorPrior(range_m=2.0, azimuth_deg=0.1, elevation_deg=0.2, clock_s=0.5)
+    prior = SensorPrior(range_m=2.0, azimuth_deg=0.1, elevation_deg=0.2, clock_s=0.5, slow=0.0)
     instrument = SensorSection(
         name="theo", kind="theodolite", position=SITE, prior=prior, estimate=["bias", "clock"]
     )
@@ -33,6 +34,19 @@ def test_priors_reach_the_state():
     expected = [2.0, np.radians(0.1), np.radians(0.2)]
     np.testing.assert_allclose(np.sqrt(built.prior[at]), expected)
     assert np.sqrt(built.prior[built.clock_at[1]]) == 0.5
+
+
+@pytest.mark.parametrize(("prior", "slow"), [(SensorPrior(), 1.0), (SensorPrior(slow=2.5), 2.5)])
+def test_how_large_slow_errors_are_reaches_the_state(prior, slow):
+    """In the noise that the file says, and the default in the one that it does not say."""
+    sigma = SensorSigma(range_m=0.4)
+    instrument = SensorSection(name="theo", kind="theodolite", position=SITE, prior=prior, sigma=sigma)
+    ins, theodolite = sensors_of(Station(sensor=[instrument]), Frame(-35.36, 149.16, 600.0))
+    assert theodolite.slow == slow
+    built = state.build([ins, theodolite])
+    at = built.bias_at[1, [RANGE, AZIMUTH, ELEVATION]]
+    expected = slow * np.array([0.4, np.radians(0.003), np.radians(0.003)])
+    np.testing.assert_allclose(np.sqrt(built.prior[at]), expected)
 
 
 def test_dead_reckoning_costs_position_and_velocity_only():

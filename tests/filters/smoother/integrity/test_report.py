@@ -67,6 +67,24 @@ def test_an_ins_has_a_latency_and_an_instrument_a_clock():
     assert "clock" not in errors["ins"]
 
 
+@pytest.mark.parametrize(
+    ("estimate", "told"),
+    [
+        ((), set()),
+        (("clock",), {"clock"}),
+        (("bias",), {"range", "azimuth", "elevation"}),
+        (("bias", "clock"), {"range", "azimuth", "elevation", "clock"}),
+    ],
+)
+def test_zero_errors_are_told_where_they_were_asked_for_and_slow_ones_are_not(estimate, told):
+    sensors = [small.theodolite("a", estimate=estimate, slow=1.0), small.ins()]
+    model = state.build(sensors)
+    assert (model.bias_at[0, :3] >= 0).all()
+    said = made(sensors=sensors, model=model)["sensors"]
+    assert set(said["a"]["errors"]) == told
+    assert set(said["ins"]["errors"]) == {"e", "n", "u", "ve", "vn", "vu", "latency"}
+
+
 def test_before_the_first_state_there_are_no_errors_to_tell():
     tally = np.zeros((2, 13, 3))
     said = report(SENSORS, MODEL, np.zeros(0), np.zeros((0, 0)), tally, [{"t_ns": 1, "reason": "lost"}])

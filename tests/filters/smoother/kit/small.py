@@ -3,8 +3,8 @@
 import numpy as np
 from scipy.linalg import expm
 
-from filters.models import state
-from filters.models.motion import CORE
+from filters.models import motion, state
+from filters.models.motion import CORE, MOTIONS
 from filters.models.rows import AE, AZIMUTH, ELEVATION, RANGE, RANGE_RATE, ROW, E, Sensor
 from filters.smoother import start
 from filters.smoother.buffer import Outcome, Rows, outcome
@@ -29,14 +29,14 @@ def ins(name="ins", clock_sigma_s=NO_TIME_S, **sigma) -> Sensor:
     return Sensor(name, "ins", sigmas(**(sigma or {"p": 0.5, "v": 0.2})), clock_sigma_s=clock_sigma_s)
 
 
-def theodolite(name="theodolite", place=(0.0, 0.0, 0.0), estimate=(), **sigma) -> Sensor:
+def theodolite(name="theodolite", place=(0.0, 0.0, 0.0), estimate=(), slow=0.0, **sigma) -> Sensor:
     sigma = sigmas(**(sigma or {"r": 1.0, "az": 1e-4, "el": 1e-4}))
-    return Sensor(name, "theodolite", sigma, np.array(place, float), estimate=estimate)
+    return Sensor(name, "theodolite", sigma, np.array(place, float), estimate=estimate, slow=slow)
 
 
-def radar(name="radar", place=(0.0, 0.0, 0.0), estimate=(), **sigma) -> Sensor:
+def radar(name="radar", place=(0.0, 0.0, 0.0), estimate=(), slow=0.0, **sigma) -> Sensor:
     sigma = sigmas(**(sigma or {"r": 5.0, "az": 1e-3, "el": 1e-3, "rr": 0.3}))
-    return Sensor(name, "radar", sigma, np.array(place, float), estimate=estimate)
+    return Sensor(name, "radar", sigma, np.array(place, float), estimate=estimate, slow=slow)
 
 
 def polar(sensor: Sensor, p: np.ndarray, v: np.ndarray | None = None) -> dict[int, float]:
@@ -50,6 +50,11 @@ def polar(sensor: Sensor, p: np.ndarray, v: np.ndarray | None = None) -> dict[in
     if v is not None:
         seen[RANGE_RATE] = q @ (sensor.rotation @ v) / np.linalg.norm(q)
     return seen
+
+
+def densities(model, psd=PSD, factor=1.0) -> np.ndarray:
+    """(n − 5,) of the motion's ``psd`` (4,) and of the errors, all of ``factor`` or (n − 9,) of each."""
+    return motion.densities(psd, np.broadcast_to(factor, len(model.prior) - CORE))
 
 
 def as_rows(said, model) -> Rows:
@@ -99,6 +104,24 @@ def fly(sensors, seconds, hz=10.0, seed=0, begin_s=0.0, noise=1.0, **path) -> np
     return rows
 
 
+def drift(flight: np.ndarray, sensors, size, tau_s, seed=0) -> np.ndarray:
+    """``flight`` with slow errors of ``size`` times the noise in every range and angle; a copy.
+
+    Each a Gauss-Markov process of its own, one draw after the other.
+    """
+    rng, out = np.random.default_rng(seed), flight.copy()
+    for s, sensor in enumerate(sensors):
+        for c in (RANGE, AZIMUTH, ELEVATION):
+            mine = np.flatnonzero((out["sensor"] == s) & (out["channel"] == c))
+            error, before_ns = rng.normal(), 0
+            for i in mine:
+                keep = np.exp(-(out["t_ns"][i] - before_ns) * 1e-9 / tau_s)
+                error = keep * error + np.sqrt(1.0 - keep**2) * rng.normal()
+                out["value"][i] += size * sensor.sigma[c] * error
+                before_ns = out["t_ns"][i]
+    return out
+
+
 def to_rows(flight: np.ndarray, model, height_m=np.nan) -> Rows:
     """Rows of (k,) ROW in order of time, with the places that they stand for."""
     said = [(r["t_ns"] * 1e-9, r["sensor"], r["channel"], r["value"]) for r in flight]
@@ -122,7 +145,10 @@ def four() -> list[Sensor]:
 
 
 def transition(dt, psd, model=None) -> tuple[np.ndarray, np.ndarray]:
-    """(n, n) transition and noise: the motion's by Van Loan's matrix exponential, each error's by its own."""
+    """(n, n) transition and noise: the motion's by Van Loan's matrix exponential, each error's by its own.
+
+    ``psd`` (4,), or (n − 5,) as `densities`, with the factor of each error's variance.
+    """
     A, W = np.zeros((CORE, CORE)), np.diag(np.concatenate([np.zeros(3), psd[[2, 2, 3]], psd[[0, 0, 1]]]))
     A[0:3, 3:6] = A[3:6, 6:9] = np.eye(3)
     big = expm(dt * np.block([[-A, W], [np.zeros((CORE, CORE)), A.T]]))
@@ -132,12 +158,16 @@ def transition(dt, psd, model=None) -> tuple[np.ndarray, np.ndarray]:
     Q[:CORE, :CORE] = F[:CORE, :CORE] @ big[:CORE, CORE:]
     for i in range(CORE, n):
         F[i, i] = np.exp(-model.rate[i] * dt)
-        Q[i, i] = -model.prior[i] * np.expm1(-2.0 * model.rate[i] * dt)
+        factor = psd[i - CORE + MOTIONS] if len(psd) > MOTIONS else 1.0
+        Q[i, i] = -factor * model.prior[i] * np.expm1(-2.0 * model.rate[i] * dt)
     return F, Q
 
 
 class Dense:
-    """All states and rows of a short linear case as one Gaussian. ``H`` (k, n) are the rows' gradients."""
+    """All states and rows of a short linear case as one Gaussian. ``H`` (k, n) are the rows' gradients.
+
+    ``psd`` as in `transition`.
+    """
 
     def __init__(self, model, rows: Rows, x, P, psd, H):
         times = np.unique(rows.t)
@@ -198,3 +228,28 @@ def linear_case(seed=0, epochs=6):
     x = np.zeros(n)
     x[:CORE] = rng.normal(size=CORE)
     return model, as_rows(said, model), x, P, np.array(H)
+
+
+def ranging_case(seed=0, epochs=7):
+    """As `linear_case`, of an INS and two instruments with slow errors, and the rows as coordinates.
+
+    Of ranges alone, one along each horizontal axis, from so far away that a range is the coordinate:
+    (model, rows, x, P, H, rows without that distance).
+    """
+    rng, far = np.random.default_rng(seed), 1e9
+    east = theodolite("east", (-far, 0.0, 0.0), slow=1.0, r=0.7)
+    north = theodolite("north", (0.0, -far, 0.0), slow=2.0, r=0.4)
+    model = state.build([ins(p=0.5, v=0.2), east, north])
+    n, said, H = len(model.prior), [], []
+    for k in range(epochs):
+        for s, c in [(0, E + k % 3), (1, RANGE), (0, E + 3 + k % 3), (2, RANGE)]:
+            h = np.zeros(n)
+            h[s - 1 if s else c - E] = h[model.bias_at[s, c]] = 1.0
+            H.append(h)
+            said.append((0.9 * k + 0.2 * (k % 3), s, c, rng.normal(scale=3.0)))
+    rows = as_rows(said, model)
+    P = state.prior_covariance(model)
+    root = rng.normal(size=(CORE, CORE))
+    P[:CORE, :CORE] = root @ root.T + np.eye(CORE)
+    x = np.where(np.arange(n) == model.clock_at[0], 0.0, rng.normal(size=n))
+    return model, rows._replace(value=rows.value + far * (rows.sensor > 0)), x, P, np.array(H), rows
