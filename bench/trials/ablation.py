@@ -17,11 +17,13 @@ from unittest.mock import patch
 import numpy as np
 
 from bench.trials import common, flights, liar, run, scene, score
+from filters.models import state
 from filters.smoother import adaptation, bank, estimator, gated
 from filters.smoother.bank import Bank
 
 SEEN_S, LIARS = 60.0, "standard"
 REDECIDE, AGAIN, STARTS = Bank.redecide, Bank._again, Bank._starts
+SLOW_ERRORS = state._slow_errors
 
 
 def _no_annealing(self: Bank, rows: Any, weight: np.ndarray, *, annealed: bool) -> Any:
@@ -30,6 +32,10 @@ def _no_annealing(self: Bank, rows: Any, weight: np.ndarray, *, annealed: bool) 
 
 def _first_starts(self: Bank, rows: Any) -> list:
     return STARTS(self, rows) if self.best is None or self.best.young else []
+
+
+def _zeros_alone(sensor: Any) -> dict:
+    return SLOW_ERRORS(sensor._replace(slow=0.0))
 
 
 class Part(NamedTuple):
@@ -60,6 +66,8 @@ PARTS = {
     ),
     "usual densities as set": Part(((adaptation, "follow_motion", _kept),)),
     "noise as stated": Part(((adaptation, "follow_noise", _kept),)),
+    "no slow errors of the instruments": Part(((state, "_slow_errors", _zeros_alone),)),
+    "slow errors as large as the noise": Part(((adaptation, "follow_slow", _kept),)),
     "no gusts": Part(settings=(("gust_psd", 0.0),)),
     "errors of the INS are white": Part(settings=(("ins_bias_sigma_m", 0.0),)),
 }
