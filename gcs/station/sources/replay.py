@@ -14,10 +14,11 @@ from bridges.tlog import tlog
 from gcs.contract.config import Station
 from gcs.contract.frames import Frame, origin_frame
 from gcs.contract.messages import AIR, CHANNELS, INS, INSTRUMENT_CHANNELS, Event, InputError
-from gcs.station.intake import Batch, Intake, merge
+from gcs.station.intake import Batch, Intake, ins_sigma, merge
 from gcs.station.ledger import NO_TIME
 from gcs.station.session import FOREVER_NS, Session
 from gcs.station.sources import stamps
+from gcs.station.sources.courses import Sightings
 from gcs.station.sources.inputs import digests
 from gcs.station.sources.playback import Playback
 
@@ -153,13 +154,13 @@ def batch(flight: MeasuredFlight, intake: Intake) -> Batch:
 def batch_and_events(flight: MeasuredFlight, intake: Intake) -> tuple[Batch, list[Event]]:
     """As ``batch``, and what an operator should know of the stamps, in order of time."""
     own = intake.ins(flight.ins)
-    found = stamps.check(*_as_seen(flight, intake, own))
-    parts = [_complained(intake, own, np.isin(own.valid_ns // stamps.S, found.ins))]
-    for name, (measured, bads) in flight.feeds.items():
-        values = intake.polar(name, measured)
-        if name in found.feeds:
-            values = _complained(intake, values, found.feeds[name][values.entries["measurement"]])
-        parts += [values, intake.bad(name, bads)]
+    values = {name: intake.polar(name, measured) for name, (measured, _) in flight.feeds.items()}
+    found = stamps.check(_as_seen(flight, intake, own))
+    parts = [
+        _complained(intake, of, found.wrong[name][of.entries["measurement"]]) if name in found.wrong else of
+        for name, of in ({"ins": own} | values).items()
+    ]
+    parts += [intake.bad(name, bads) for name, (_, bads) in flight.feeds.items()]
     merged = merge(parts)
     outside = (merged.valid_ns < flight.start_ns - APART_NS) | (merged.valid_ns > flight.end_ns + APART_NS)
     outside &= merged.complaints == 0
@@ -175,22 +176,22 @@ def _outside(intake: Intake, flight: MeasuredFlight, sensor: np.ndarray) -> Iter
         yield Event(t_ns=flight.start_ns, level="warning", text=text)
 
 
-def _as_seen(
-    flight: MeasuredFlight, intake: Intake, own: Batch
-) -> tuple[stamps.OwnPath, dict[str, stamps.Sightings]]:
-    """The aircraft's own path, and what each instrument saw of it."""
+def _as_seen(flight: MeasuredFlight, intake: Intake, own: Batch) -> dict[str, Sightings]:
+    """What every source saw, the aircraft itself first."""
     placed = (own.entries["channel"] == CHANNELS.index("e")) & (own.complaints == 0)
-    order = np.argsort(own.valid_ns[placed], kind="stable")
-    path = stamps.OwnPath(own.valid_ns[placed][order], own.entries["position_m"][placed][order])
-    seen = {}
+    where = np.full((len(flight.ins), 3), np.nan)
+    where[own.entries["measurement"][placed]] = own.entries["position_m"][placed]
+    valid_ns = flight.ins["t_ns"].copy()
+    valid_ns[own.entries["measurement"]] = own.valid_ns
+    seen = {"ins": Sightings(valid_ns, where, ins_sigma(intake.station.ins)[:3], polar=False)}
     for sensor in intake.station.sensor:
         if sensor.name in flight.feeds:
             rows, known = flight.feeds[sensor.name][0], sensor.sigma_by_channel
             values = np.stack([rows["range_m"], *np.radians([rows["azimuth_deg"], rows["elevation_deg"]])], 1)
             sigma = np.array([known.get(name, np.nan) for name in INSTRUMENT_CHANNELS[:3]])
             sigma[1:] = np.radians(sigma[1:])
-            seen[sensor.name] = stamps.Sightings(rows["t_ns"], values, sigma, *intake.places[sensor.name])
-    return path, seen
+            seen[sensor.name] = Sightings(rows["t_ns"], values, sigma, *intake.places[sensor.name])
+    return seen
 
 
 def _complained(intake: Intake, batch: Batch, wrong: np.ndarray) -> Batch:
