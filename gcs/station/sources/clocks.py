@@ -12,9 +12,9 @@ aircraft with its instruments when the station's own clock is wrong.
 Then, row by row: stamped ahead of the flight's clock by more than ``AHEAD_NS``, it is a lie; what is less is
 the range of the clock offsets that the estimator finds. A source that is behind the promptest one by more
 than ``lateness_s``, for most of a second, has a wrong clock or too slow a link, and its rows would all be
-late. A row that is late alone is left to the estimator: it may come after a stall. A lag that only grows, or
-only shrinks, by more than ``DRIFT`` for ``DRIFT_S`` is a clock that drifts, or a link that fills up; two
-sources alone cannot tell which of them does.
+late. A row that is late alone is left to the estimator: it may come after a stall, but not from before the
+flight's first turn. A source whose lag runs away from the others' along a line has a clock that drifts, or a
+link that fills up: `lags`. Two sources alone cannot tell which of them does.
 
 At the start rows wait until two agree. A source that is alone and apart from the station's clock is taken
 after ``LONE_NS``, and of several that all differ the one nearest to the station. A clock once agreed on moves
@@ -25,14 +25,12 @@ All is a function of stamps and arrivals, in their order; nothing here reads a c
 
 from collections import deque
 from collections.abc import Iterable
-from itertools import pairwise
 from statistics import median
 
 import numpy as np
 
-S = 1_000_000_000
-SPAN_NS = 1 * S  # a source's lag is the median of so long
-FEWEST = 3  # … or of so many turns, of a slow source
+from gcs.station.sources.lags import FEWEST, WATCH_NS, S, Voter
+
 PACED_NS = S // 2  # how fast a recording is played shows after so long
 VOTE_NS = 5 * S  # a source that is silent for longer has no vote: the slowest radars turn once in 4 s
 AHEAD_NS = S // 4  # 2.5 sigma of the usual prior of a clock offset
@@ -40,62 +38,13 @@ LONE_NS = 10 * S  # time for the others to begin
 MOVE_NS = 1 * S
 RIGHT_NS = 1 * S  # a clock is right again after so long without a lie
 STALE_NS = 60 * S  # no link holds back what it carries for so long: another clock, or a recording
-JUMP_S = 0.1  # no drift: in a second it would be 10 %
 STEADY = 0.05  # lags that grow by less are those of real time
-DRIFT, DRIFT_S = 0.003, 8  # a crystal keeps to 0.0001; by chance lags do not grow nine times in a row
 STATION = ""  # the name under which the station's own clock votes
 AHEAD = "stamped in the future: ahead of the flight's clock"
 BEHIND = "stamped too far behind the flight's clock: its clock is wrong or its link too slow"
 UNITS = ((31_557_600, "years"), (86_400, "days"), (3_600, "h"), (60, "min"))
 DRIFTS = "stamped by a clock that drifts"
 FAULTS = ("", AHEAD, BEHIND, DRIFTS)  # what ``FlightClock.judge`` finds, by number
-
-
-class Voter:
-    """What is remembered of one source."""
-
-    def __init__(self) -> None:
-        self.lags: deque[tuple[int, int]] = deque(maxlen=256)  # (arrival, lag of the promptest) by turn
-        self.lied_ns: int | None = None  # arrival of its newest lie, None while it is right
-        self._usual: tuple[float, float] | None = None  # (rate, its lag at that rate when it spoke last)
-        self.drifts = False
-        self._apart_s: deque[float] = deque(maxlen=DRIFT_S + 1)  # lag beyond the flight's, once a second
-
-    def hear(self, lags: np.ndarray, arrival_ns: int) -> None:
-        """Take (n,) lags of one turn: the second smallest of many, so that one wild stamp is no vote."""
-        few = np.partition(lags, 1)[1] if len(lags) > 2 else lags.min()
-        self._usual = None
-        self.lags.append((arrival_ns, int(few)))
-        while len(self.lags) > FEWEST and arrival_ns - self.lags[0][0] > SPAN_NS:
-            self.lags.popleft()
-
-    def lag_ns(self, now_ns: int, rate: float) -> int:
-        """Its usual lag, carried on to now."""
-        spoke_ns = self.lags[-1][0]
-        if self._usual is None or self._usual[0] != rate:  # asked for several times a turn
-            self._usual = rate, median(lag + rate * (spoke_ns - arrival) for arrival, lag in self.lags)
-        return int(self._usual[1] + rate * (now_ns - spoke_ns))
-
-    def watch(self, apart_s: float) -> None:
-        """Take its lag beyond the flight's, once a second: does it drift?"""
-        self._apart_s.append(apart_s)
-        steps = [b - a for a, b in pairwise(self._apart_s)]
-        if self.drifts:  # one second that a stall has disturbed does not end it, a jump does
-            recent = [abs(step) for step in steps[-2:]]
-            self.drifts = max(recent) < JUMP_S and max(recent) > DRIFT
-        elif len(steps) == DRIFT_S:
-            up, down = ([DRIFT < sign * step < JUMP_S for step in steps] for sign in (1, -1))
-            self.drifts = all(up) or all(down)
-
-    def span_ns(self) -> int:
-        return self.lags[-1][0] - self.lags[0][0]
-
-    def rate(self) -> float:
-        """How fast its lags grow: the median of slopes (Theil 1950), each over half of the time."""
-        known = list(self.lags)
-        pairs = zip(known, known[len(known) // 2 :], strict=False)
-        slopes = [(b[1] - a[1]) / (b[0] - a[0]) for a, b in pairs if b[0] > a[0]]
-        return median(slopes) if slopes else 0.0
 
 
 class FlightClock:
@@ -112,6 +61,8 @@ class FlightClock:
         self._promptest_ns = 0
         self._taken = 0, 0  # when, and which lag
         self._watched_ns = 0
+        self._lags_before: dict[str, int] = {}  # by source, when they were last looked at
+        self._first_ns = 0  # the flight's time when the first turn came
         self.told: list[tuple[str, str]] = []  # (level, text) of what has happened, for whoever takes it
 
     @property
@@ -150,13 +101,13 @@ class FlightClock:
         elif len(group) > 1:
             self._follow(group)
         if self._lag_ns is not None:
+            if not self._first_ns:
+                self._first_ns = self.now_ns - round((1.0 - self._rate) * (now_ns - self._began_ns))
             honest = (lag for lag in votes.values() if lag >= self._lag_ns - self._ahead_ns())
             self._promptest_ns = min(honest, default=self._lag_ns)
-            if now_ns - self._watched_ns >= S and len(group) > 2:
+            if now_ns - self._watched_ns >= WATCH_NS:
                 self._watched_ns = now_ns
-                for name, lag in votes.items():
-                    if now_ns - self._sources[name].lags[-1][0] < S:
-                        self._sources[name].watch((lag - self._lag_ns) / S)
+                self._watch([*votes, *({STATION} & group.keys())])
         return self._lag_ns is not None
 
     def judge(self, name: str, t_ns: np.ndarray, arrival_ns: int) -> np.ndarray:
@@ -171,11 +122,27 @@ class FlightClock:
         if not kept_for_us:
             always = len(voter.lags) >= FEWEST and voter.lag_ns(self._now_ns, self._rate) > late_ns
             fault[lags > late_ns + (0 if always else STALE_NS)] = 2
-        if voter.drifts:
+            fault[(fault == 0) & (t_ns < self._first_ns - self._near_ns)] = 2
+        if voter.drift:
             fault[fault == 0] = 3
         if fault.any():
             self._lied(name, voter, int(lags[fault > 0][-1]), arrival_ns)
         return fault
+
+    def _watch(self, names: list[str]) -> None:
+        """Twice a second: whose lag grows otherwise than most do? A stall, or a pace, is common to all."""
+        now_ns = self._now_ns
+        fast = [name for name in names if name != STATION and self._sources[name].is_fast(now_ns)]
+        lags = {name: self._sources[name].least_ns(now_ns, self._rate) for name in fast}
+        lags |= {STATION: 0} if STATION in names else {}
+        steps = {
+            name: lag - self._lags_before[name] for name, lag in lags.items() if name in self._lags_before
+        }
+        self._lags_before = lags
+        if len(steps) > 2:
+            common = median(steps.values())
+            for name in steps.keys() - {STATION}:
+                self._sources[name].watch((now_ns - self._began_ns) / S, (steps[name] - common) / S)
 
     def _ahead_ns(self) -> int:
         return round(min(AHEAD_NS, self._near_ns / 2) * (1.0 - self._rate))
@@ -250,7 +217,7 @@ class FlightClock:
     def _lied(self, name: str, voter: Voter, lag_ns: int, arrival_ns: int) -> None:
         if voter.lied_ns is None:
             far = _far(lag_ns - (self._lag_ns or 0))
-            drifts = ", and drifts" if voter.drifts else ""
+            drifts = ", and drifts" if voter.drift else ""
             text = f"{name} is stamped {far} the flight's clock{drifts}: refused; set its clock right"
             self._tell("warning", text)
         voter.lied_ns = arrival_ns

@@ -141,10 +141,17 @@ def test_a_clock_that_drifts_is_refused_after_some_seconds_and_back_within_two(r
     drift = lambda t_s: np.where((t_s >= 10.0) & (t_s < 30.0), rate * (t_s - 10.0), 0.0)  # noqa: E731
     played = Played(45.0, station_s=station_s, theo_a=drift)
     assert played.refused("theo-a", 0.0, 10.0) == 0.0
-    assert played.refused("theo-a", 21.0, 30.0) == 1.0
+    assert played.refused("theo-a", 15.0, 30.0) == 1.0  # less than 0.05 s is not told
     assert played.refused("theo-a", 32.0) == 0.0
     assert all(played.refused(name) == 0.0 for name in ("ins", "theo-b", "radar"))
     assert any("and drifts: refused" in text for _, text in played.told)
+
+
+def test_who_is_late_from_the_first_row_is_refused_from_the_first_row():
+    """Heard once, it may have a stall behind it, but not from before the flight's first turn."""
+    played = Played(5.0, theo_a=since(0.0, -10.0))
+    assert sum(fault == 0 for fault in played.faults["theo-a"]) <= 1  # of the first turn: kept by a bridge
+    assert all(played.refused(name) == 0.0 for name in ("ins", "theo-b", "radar"))
 
 
 @pytest.mark.parametrize("off_s", [0.2, -0.2, -0.7])
