@@ -62,6 +62,7 @@ class FlightClock:
         self._taken = 0, 0  # when, and which lag
         self._watched_ns = 0
         self._lags_before: dict[str, int] = {}  # by source, when they were last looked at
+        self._common_ns = 0.0  # by how much most lags have grown
         self._first_ns = 0  # the flight's time when the first turn came
         self.told: list[tuple[str, str]] = []  # (level, text) of what has happened, for whoever takes it
 
@@ -135,14 +136,12 @@ class FlightClock:
         fast = [name for name in names if name != STATION and self._sources[name].is_fast(now_ns)]
         lags = {name: self._sources[name].least_ns(now_ns, self._rate) for name in fast}
         lags |= {STATION: 0} if STATION in names else {}
-        steps = {
-            name: lag - self._lags_before[name] for name, lag in lags.items() if name in self._lags_before
-        }
+        steps = [lag - self._lags_before[name] for name, lag in lags.items() if name in self._lags_before]
         self._lags_before = lags
-        if len(steps) > 2:
-            common = median(steps.values())
-            for name in steps.keys() - {STATION}:
-                self._sources[name].watch((now_ns - self._began_ns) / S, (steps[name] - common) / S)
+        self._common_ns += median(steps) if len(steps) > 2 else 0.0
+        if len(lags) > 2:
+            for name in fast:
+                self._sources[name].watch((now_ns - self._began_ns) / S, (lags[name] - self._common_ns) / S)
 
     def _ahead_ns(self) -> int:
         return round(min(AHEAD_NS, self._near_ns / 2) * (1.0 - self._rate))

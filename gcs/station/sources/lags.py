@@ -57,12 +57,13 @@ class Voter:
         """Does it speak often enough that its lag is of now?"""
         return now_ns - self.lags[-1][0] < SPAN_NS and self.span_ns() <= 2 * SPAN_NS
 
-    def watch(self, now_s: float, step_s: float) -> None:
-        """Take by how much its lag has grown beyond others', twice a second: does it drift?"""
-        self._apart.append((now_s, step_s + (self._apart[-1][1] if self._apart else 0.0)))
+    def watch(self, now_s: float, apart_s: float) -> None:
+        """Take its lag beyond what others' have grown by, twice a second: does it drift?"""
+        self._apart.append((now_s, apart_s))
         known = np.array(self._apart)
         if self.drift:  # one look that a delay has disturbed does not end it, a jump does
-            jumped = abs(step_s) > JUMP * WATCH_NS / S
+            since_s, step_s = known[-1] - known[-2]
+            jumped = abs(step_s) > JUMP * since_s
             self.drift *= not jumped and (_goes_on(known, self.drift) or _goes_on(known[:-1], self.drift))
             return
         found = line(known)

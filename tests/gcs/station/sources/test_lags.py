@@ -48,11 +48,12 @@ def test_on_a_link_whose_delays_jump_a_line_has_to_be_longer():
     assert line(known(lags, 0.0003)) == 0.0
 
 
-def drifted(voter, steps):
-    """Whether its clock drifts, after each of some steps of half a second."""
+def drifted(voter, steps, silent=()):
+    """Whether its clock drifts, after each of some steps of half a second; not looked at when ``silent``."""
     out = []
-    for step_s in steps:
-        voter.watch(len(out) / 2, step_s)
+    for k, lag_s in enumerate(np.cumsum(steps)):
+        if k not in silent:
+            voter.watch(k / 2, lag_s)
         out.append(voter.drift != 0.0)
     return out
 
@@ -63,6 +64,11 @@ def test_a_drift_lasts_until_it_no_longer_goes_on_as_it_began():
     assert all(found[16:40])
     assert not any(found[42:])
     assert not any(drifted(Voter(), [0.0] * 10 + [-0.005] * 20 + [0.0] * 10)[34:])
+
+
+def test_a_drift_goes_on_through_silence():
+    found = drifted(Voter(), [0.0] * 10 + [0.005] * 50, range(30, 38))
+    assert all(found[20:])
 
 
 def test_a_lag_is_the_second_smallest_of_the_last_second():
