@@ -147,9 +147,9 @@ def common_shift(model: Model, clocks: np.ndarray, heard: np.ndarray) -> np.ndar
 def predict_row(model, rows, i, x, P, psd, out, k, work):
     """What the state says about row ``i``: innovation (angles the short way), and its variance without noise.
 
-    ``psd`` (≥ 4,), of the motion now, is what a late INS cannot know of: velocity and acceleration have changed
-    since. Into row ``k`` of ``out``: how many derivatives are not zero (``count``), which (``index``), what
-    they are (``gain``), and the cross-covariance P h (``m``). ``work``: see `scratch`.
+    ``psd`` (≥ 4,), of the motion now, is what a late INS cannot know of: velocity and acceleration have
+    changed since. Into row ``k`` of ``out``: how many derivatives are not zero (``count``), which
+    (``index``), what they are (``gain``), and the cross-covariance P h (``m``). ``work``: see `scratch`.
     """
     sensor, channel = rows.sensor[i], rows.channel[i]
     bias, clock = model.bias_at[sensor, channel], model.clock_at[sensor]

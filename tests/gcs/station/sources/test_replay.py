@@ -114,7 +114,8 @@ def test_every_track_tells_how_far_it_holds(run):
 def test_near_the_truth(run):
     """Within a metre and a half of the simulator's own track, newest state and best estimate.
 
-    Nearly all of it is along the course: the flight's time is what most clocks say, and these are 40 ms behind.
+    Nearly all of it is along the course: the flight's time is what most clocks say, and these are 40 ms
+    behind.
     """
     out, flight, _ = run
     truth = np.genfromtxt(SAMPLE / "truth.csv", delimiter=",", names=True)
