@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from filters.models.motion import CORE
 from filters.models.rows import CHANNELS, Sensor
 from filters.models.state import Model, common_shift, common_variance
 
@@ -39,15 +40,14 @@ def report(
                 "nis_mean": float(total / used) if used else None,
                 "nis_band_95": [float(1.0 - half), float(1.0 + half)] if used else None,
             }
-        asked = sensor.kind == "ins" or "bias" in sensor.estimate
-        found = _errors(model, s, x, P, heard, zeros=asked)
-        out["sensors"][sensor.name] = {"channels": channels, "errors": found}
+        out["sensors"][sensor.name] = {"channels": channels, "errors": _errors(model, s, x, P, heard)}
     return out
 
 
-def _errors(model, s, x, P, heard, *, zeros: bool) -> dict:
-    """Systematic errors of sensor ``s``: value, sigma, prior sigma, unit, observable."""
-    where = {CHANNELS[c]: (i, UNITS[CHANNELS[c]]) for c, i in enumerate(model.bias_at[s]) if zeros and i >= 0}
+def _errors(model, s, x, P, heard) -> dict:
+    """Systematic errors of sensor ``s``, slow ones aside: value, sigma, prior sigma, unit, observable."""
+    lasting = [(c, i) for c, i in enumerate(model.bias_at[s]) if i >= 0 and model.slow_of[i - CORE] < 0]
+    where = {CHANNELS[c]: (i, UNITS[CHANNELS[c]]) for c, i in lasting}
     if model.clock_at[s] >= 0:
         where["latency" if model.is_ins[s] else "clock"] = (model.clock_at[s], "s")
     out = {}
