@@ -86,8 +86,11 @@ class Hypothesis:
 
     def densities(self) -> np.ndarray:
         """(2, n − 5) of the regimes: now, and before the manoeuvre that the window has seen."""
-        factor = adaptation.slow_factors(self.slow, self.space.model)
-        return np.stack([motion.densities(psd, factor) for psd in (self.psd, self.psd_before)])
+        return np.stack([self._with_errors(psd) for psd in (self.psd, self.psd_before)])
+
+    def _with_errors(self, psd: np.ndarray) -> np.ndarray:
+        """(n − 5,) the motion's ``psd`` (4,), and how large the slow errors are; see `motion.densities`."""
+        return motion.densities(psd, adaptation.slow_factors(self.slow, self.space.model))
 
     def admit(self, new: Rows, told: gated.Told, rule: gated.Rule, quiet_ns: int) -> tuple[int, int]:
         """Take ``new`` rows at first sight until one surprises; (rows, epochs) taken.
@@ -97,8 +100,8 @@ class Hypothesis:
         own = outcome(len(new.t))
         own.noise[:] = self._noise(new)
         count, epochs, self.surprise = gated.admit(
-            model, new, own, self.densities()[0], head.x, head.P, head.t_ns, head.memory, self.excluded, rule,
-            self.surprise, quiet_ns, space.room(1, 0), told, space.work,
+            model, new, own, self._with_errors(self.psd), head.x, head.P, head.t_ns, head.memory,
+            self.excluded, rule, self.surprise, quiet_ns, space.room(1, 0), told, space.work,
         )  # fmt: skip
         self.own = Outcome(*(np.concatenate([a, b[:count]]) for a, b in zip(self.own, own, strict=True)))
         self.head = head._replace(t_ns=int(new.t[count - 1]))
