@@ -129,8 +129,11 @@ def cut(t_ns: np.ndarray) -> Pieces:
     return Pieces(of_row, begins, t_ns[begins])
 
 
-def misses_m(path: Path, seen: Sightings, pieces: Pieces, ahead_ns: int = 0) -> np.ndarray:
-    """(k, 3) how far each piece is from the path, by channel, with stamps so much ahead; NaN: not known."""
+def misses_m(path: Path, seen: Sightings, pieces: Pieces, ahead_ns: int | np.ndarray = 0) -> np.ndarray:
+    """(k, 3) how far each piece is from the path, by channel; NaN: not known.
+
+    With stamps so much ahead, all by the same or each of (m,) by its own.
+    """
     rows = np.arange(len(seen.t_ns))
     return pieces.medians(seen.away_m(rows, path.at(seen.t_ns - ahead_ns)))
 
