@@ -41,6 +41,17 @@ def in_use(own):
     return np.flatnonzero(own.weight > 0), own.noise / np.maximum(own.weight, 1e-30)
 
 
+def assert_same_states(batch, rows, out, head_x, head_P, atol):
+    """``batch``: mean and covariance of all states; they are those smoothed in ``out``, and the head's."""
+    (mean, cov), n = batch, len(head_x)
+    for e, t in enumerate(np.unique(rows.t)):
+        first, at = np.searchsorted(rows.t, t), slice(e * n, (e + 1) * n)
+        assert np.allclose(out.x[first], mean[at], atol=atol)
+        assert np.allclose(out.P[first][:CORE, :CORE], cov[at, at][:CORE, :CORE], atol=atol)
+    assert np.allclose(head_x, mean[-n:], atol=atol)
+    assert np.allclose(head_P, cov[-n:, -n:], atol=atol)
+
+
 def slow_case(seed=0):
     """(model, rows, x, P, H, rows as coordinates, (n − 9,) factors), the errors' factors far from 1."""
     case = small.ranging_case(seed)
@@ -64,14 +75,7 @@ def test_smoothed_states_are_the_batch_solution(kind):
     model, rows, x, P, H = small.linear_case(1)
     own, out, _, head_x, head_P = both(model, rows, x, P, WEIGHTS[kind](len(rows.t)))
     dense = small.Dense(model, rows, x, P, small.PSD, H)
-    mean, cov = dense.given(*in_use(own))
-    n = dense.n
-    for e, t in enumerate(np.unique(rows.t)):
-        first, at = np.searchsorted(rows.t, t), slice(e * n, (e + 1) * n)
-        assert np.allclose(out.x[first], mean[at], atol=1e-7)
-        assert np.allclose(out.P[first][:CORE, :CORE], cov[at, at][:CORE, :CORE], atol=1e-7)
-    assert np.allclose(head_x, mean[-n:], atol=1e-7)
-    assert np.allclose(head_P, cov[-n:, -n:], atol=1e-7)
+    assert_same_states(dense.given(*in_use(own)), rows, out, head_x, head_P, atol=1e-7)
 
 
 @pytest.mark.parametrize("kind", WEIGHTS)
@@ -80,14 +84,7 @@ def test_slow_errors_of_any_factor_are_followed_as_in_the_batch_solution(kind):
     own, out, _, head_x, head_P = both(model, rows, x, P, WEIGHTS[kind](len(rows.t)), factor=factor)
     dense = small.Dense(model, near, x, P, small.densities(model, factor=factor), H)
     use, noise = in_use(own)
-    mean, cov = dense.given(use, noise)
-    n = dense.n
-    for e, t in enumerate(np.unique(rows.t)):
-        first, at = np.searchsorted(rows.t, t), slice(e * n, (e + 1) * n)
-        assert np.allclose(out.x[first], mean[at], atol=1e-4)
-        assert np.allclose(out.P[first][:CORE, :CORE], cov[at, at][:CORE, :CORE], atol=1e-4)
-    assert np.allclose(head_x, mean[-n:], atol=1e-4)
-    assert np.allclose(head_P, cov[-n:, -n:], atol=1e-4)
+    assert_same_states(dense.given(use, noise), rows, out, head_x, head_P, atol=1e-4)
     for k in range(len(rows.t)):
         residual, sigma = dense.left_out(k, use, noise, own.noise[k])
         assert own.residual[k] == pytest.approx(residual, abs=1e-4)
