@@ -277,10 +277,10 @@ class Bank:
                 self._keep_errors(x, P)
             anchor = Moment(int(usable.t[0]), x, P, status.fresh_memory(len(model.is_ins)))
             trial = Hypothesis(self.space, anchor, self.excluded)
-            trial.slow = (self.best or self).slow
+            trial.follow((self.best or self).slow)
             if self.best is not None:
                 trial.scale, trial.motion, trial.psd = self.best.scale, self.best.motion, self.best.usual_psd
-            trial.own = outcome(len(rows.t))
+            trial.judged(outcome(len(rows.t)))
             trial.own.weight[:] = rows.sensor == s
             trial.settle(rows, 0)
             trial.settle(rows, 0)

@@ -19,7 +19,7 @@ import numpy as np
 from filters.correction import correction as corrections
 from filters.models import state as models
 from filters.models.motion import CORE
-from filters.models.rows import SEPARATION, TRACK, Sensor, Step, rehearsal
+from filters.models.rows import ROW, SEPARATION, TRACK, VERDICT, Sensor, Step, joined, rehearsal
 from filters.models.settings import Settings
 from filters.models.store import InMemory, Keep
 from filters.smoother import gated, start, status, tracks
@@ -66,7 +66,7 @@ class FixedLagSmoother:
         self._window = Window(space, self._buffer, progress, keep, robust=self._robust)
         self._snapshots = Snapshots(progress, keep(mark_type(len(self.model.prior), len(sensors))))
         self._smoothed: list[np.ndarray] = []  # and final, not handed out yet
-        self._separations = [np.zeros(0, SEPARATION)]  # not handed out yet
+        self._separations: list[np.ndarray] = []  # not handed out yet
         self._separated_ns = LONG_AGO_NS  # begin of the newest cell that it was told of
         self._told = gated.told(64, len(self.model.prior))
         self._newest_ns, self._fixed_ns = LONG_AGO_NS, 0
@@ -85,16 +85,16 @@ class FixedLagSmoother:
     def step(self, rows: np.ndarray) -> Step:
         """Take in ``rows`` (n,) ROW, late ones too, and say what they bring."""
         refused = self._insert(rows)
-        buffer, parts = self._buffer, [np.zeros(0, TRACK)]
+        buffer, parts = self._buffer, []
         while buffer.done < buffer.size:
             t = buffer.view(buffer.done, buffer.size).t
             cell_ns = int(t[0]) // CELL_NS * CELL_NS
             if cell_ns > self._now.boundary_ns:
                 self._close(cell_ns)
             parts += self._take(buffer.done + int(np.searchsorted(t, cell_ns + CELL_NS)))
-        verdicts = np.concatenate([refused, buffer.changes()])
-        apart, self._separations = np.concatenate(self._separations), self._separations[:1]
-        return Step(np.concatenate(parts), self._take_smoothed(), verdicts, apart)
+        verdicts = joined([refused, buffer.changes()], VERDICT)
+        apart, self._separations = joined(self._separations, SEPARATION), []
+        return Step(joined(parts, TRACK), self._take_smoothed(), verdicts, apart)
 
     def finish(self) -> Step:
         """Decide what is left. No step may follow."""
@@ -135,11 +135,11 @@ class FixedLagSmoother:
             self._window.now = self._snapshots.rewind(good["t_ns"].min(), buffer)
         twice = buffer.insert(good, np.nan)
         why = np.concatenate([fault[bad], np.full(len(twice), status.TWICE)])
-        return refusals(np.concatenate([new[bad], twice]), why)
+        return refusals(joined([new[bad], twice], ROW), why)
 
     def _take_smoothed(self) -> np.ndarray:
         parts, self._smoothed = self._smoothed, []
-        return np.concatenate([np.zeros(0, TRACK), *parts])
+        return joined(parts, TRACK)
 
     # ---- within a cell
 
@@ -215,7 +215,7 @@ class FixedLagSmoother:
         bank.best.admit(rows, told, self._rule, gated.NEVER_NS)
         x = told.x[:k].copy()
         tracks.shifted(x, self._window.shift_s(x, bank.excluded))
-        return x, told.P[:k, :6, :6] + tracks.of_shift(x, self._shift_variance)
+        return x, tracks.widened(told.P[:k, :6, :6].copy(), x, self._shift_variance)
 
     def _report_separation(self, track: np.ndarray, published: np.ndarray, without: list) -> None:
         """Once a cell: how far a state that is ``published`` would move without each of the sensors.

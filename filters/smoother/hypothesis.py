@@ -61,13 +61,13 @@ class Hypothesis:
 
     def __init__(self, space: Workspace, anchor: Moment, excluded: int = -1):
         self.space, self.anchor, self.head, self.excluded = space, anchor, anchor.copy(), excluded
-        self.own = outcome(0)
+        self.own = self._room = outcome(0)  # the first of what there is room for
         self.psd = space.prior_psd  # (4,) densities now
         self.motion = space.prior_motion  # (2, 4) what is known of the usual ones
         self.psd_before = self.psd  # of the rows in the window before a manoeuvre: regime 1
         self.log_evidence = self.shortfall = 0.0
         self.scale = space.prior_noise
-        self.slow = space.prior_slow  # (2, s) of how large the slow errors are
+        self.follow(space.prior_slow)
         self.surprise = 0.0
         self.young = True  # none of its rows is decided yet
 
@@ -76,8 +76,16 @@ class Hypothesis:
         other = object.__new__(Hypothesis)
         other.__dict__.update(self.__dict__)
         other.anchor, other.head = self.anchor.copy(), self.head.copy()
-        other.own = Outcome(*(column.copy() for column in self.own))
+        other.judged(Outcome(*(column.copy() for column in self.own)))
         return other
+
+    def follow(self, slow: np.ndarray) -> None:
+        """Take over ``slow`` (2, s), what is known of how large the slow errors are."""
+        self.slow, self._factors = slow, adaptation.slow_factors(slow, self.space.model)
+
+    def judged(self, own: Outcome) -> None:
+        """Begin with what was made of the window's rows."""
+        self.own = self._room = own
 
     @property
     def usual_psd(self) -> np.ndarray:
@@ -90,25 +98,30 @@ class Hypothesis:
 
     def _with_errors(self, psd: np.ndarray) -> np.ndarray:
         """(n − 5,) the motion's ``psd`` (4,), and how large the slow errors are; see `motion.densities`."""
-        return motion.densities(psd, adaptation.slow_factors(self.slow, self.space.model))
+        return motion.densities(psd, self._factors)
 
     def admit(self, new: Rows, told: gated.Told, rule: gated.Rule, quiet_ns: int) -> tuple[int, int]:
         """Take ``new`` rows at first sight until one surprises; (rows, epochs) taken.
 
         Nothing surprises before ``quiet_ns``."""
         space, model, head = self.space, self.space.model, self.head
-        own = outcome(len(new.t))
-        own.noise[:] = self._noise(new)
+        size, end = len(self.own.weight), len(self.own.weight) + len(new.t)
+        if end > len(self._room.weight):
+            self._room = outcome(2 * end)
+            for column, known in zip(self._room, self.own, strict=True):
+                column[:size] = known
+        own = Outcome(*(column[size:end] for column in self._room))
+        own.noise[:], own.regime[:] = self._noise(new), 0
         count, epochs, self.surprise = gated.admit(
             model, new, own, self._with_errors(self.psd), head.x, head.P, head.t_ns, head.memory,
             self.excluded, rule, self.surprise, quiet_ns, space.room(1, 0), told, space.work,
         )  # fmt: skip
-        self.own = Outcome(*(np.concatenate([a, b[:count]]) for a, b in zip(self.own, own, strict=True)))
+        self.own = Outcome(*(column[: size + count] for column in self._room))
         self.head = head._replace(t_ns=int(new.t[count - 1]))
         return count, epochs
 
     def _noise(self, rows: Rows) -> np.ndarray:
-        return rows.stated * np.exp(self.scale[0])[rows.sensor, rows.channel]
+        return rows.stated * np.exp(self.scale[0, rows.sensor, rows.channel])
 
     def settle(
         self, rows: Rows, keep: int, closed: np.ndarray | None = None, *, annealed: bool = False
@@ -185,14 +198,14 @@ class Hypothesis:
         t_ns = passes.forward(model, left, own, self.densities(), x, P, self.anchor.t_ns, 0, out, space.work)
         status.advance(left, own, memory)
         self.anchor, self.young = Moment(int(t_ns), x, P, memory), False
-        self.own = Outcome(*(column[cut:].copy() for column in self.own))
+        self.judged(Outcome(*(column[cut:].copy() for column in self.own)))
         if scale is None:
             seen = adaptation.noise_scores(left, own, memory[..., runs.CHANCE], model.is_ins)
             scale = adaptation.follow_noise(self.scale, space.prior_noise, seen, seconds)
         self.scale = scale
         psd = np.stack([self.psd, self.psd_before])
         self.motion = adaptation.follow_motion(self.motion, space.prior_motion, psd, found, seconds)
-        self.slow = adaptation.follow_slow(self.slow, model, x, np.diag(P), seconds)
+        self.follow(adaptation.follow_slow(self.slow, model, x, np.diag(P), seconds))
 
 
 def differ(a: Hypothesis, b: Hypothesis) -> bool:

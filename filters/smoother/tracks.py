@@ -22,7 +22,7 @@ def polished(track: np.ndarray, shift_s: np.ndarray, variance: float) -> np.ndar
     ``variance``, s², of a shift of all clocks together: no row shows it, and the target has moved meanwhile.
     """
     x = shifted(track["x"], shift_s)
-    track["P"][:, :6, :6] += of_shift(x, variance)
+    widened(track["P"], x, variance)
     sigma_m = np.sqrt(np.maximum(np.trace(track["P"][:, :3, :3], axis1=1, axis2=2), 0.0))
     track["quality"] = np.where(np.isfinite(sigma_m), np.round(100.0 / (1.0 + sigma_m / HALF_QUALITY_M)), -1)
     track["quality"] = np.where(track["ambiguous"], np.minimum(track["quality"], DOUBTFUL), track["quality"])
@@ -31,15 +31,19 @@ def polished(track: np.ndarray, shift_s: np.ndarray, variance: float) -> np.ndar
 
 def shifted(x: np.ndarray, shift_s: np.ndarray) -> np.ndarray:
     """States ``x`` (k, ≥9) as they were ``shift_s`` (k,) before, by their own motion; in place."""
+    if not shift_s.any():
+        return x
     shift = shift_s[:, None]
     x[:, :3] -= shift * x[:, 3:6] - 0.5 * shift**2 * x[:, 6:9]
     x[:, 3:6] -= shift * x[:, 6:9]
     return x
 
 
-def of_shift(x: np.ndarray, variance: float) -> np.ndarray:
-    """(k, 6, 6) of position and velocity of states ``x`` (k, ≥9) whose time has ``variance``, s²."""
-    return variance * x[:, 3:9, None] * x[:, None, 3:9]
+def widened(P: np.ndarray, x: np.ndarray, variance: float) -> np.ndarray:
+    """``P`` (k, ≥6, ≥6) of states ``x`` (k, ≥9) whose time has ``variance``, s²; in place."""
+    if variance > 0.0:
+        P[:, :6, :6] += variance * x[:, 3:9, None] * x[:, None, 3:9]
+    return P
 
 
 def known(model: Model, x: np.ndarray, P: np.ndarray, factor: float = 1.0) -> np.ndarray:

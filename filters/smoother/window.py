@@ -42,6 +42,7 @@ class Window:
         robust: bool,
     ):
         self.space, self.buffer, self.now, self.robust = space, buffer, progress, robust
+        self._floating = models.floating(space.model)
         self.densities = keep(density_type(len(space.model.prior)))  # of every window that was decided
 
     def lag_ns(self, settings: Settings) -> int:
@@ -198,6 +199,8 @@ class Window:
 
     def shift_s(self, x: np.ndarray, excluded: int = -1) -> np.ndarray:
         """(k,) of the time that most clocks agree on, by states (k, n) that know nothing of ``excluded``."""
+        if not self._floating:
+            return np.zeros(len(x))
         model, heard = self.space.model, self.now.tally[..., 0].any(axis=1)
         heard &= np.arange(len(heard)) != excluded
         return models.common_shift(model, x[:, model.clock_at], heard)

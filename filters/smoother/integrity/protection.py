@@ -26,13 +26,12 @@ def enter(track: np.ndarray, apart: list[tuple[np.ndarray, np.ndarray] | None]) 
     if not apart or any(one is None for one in apart):
         track["protection_h_m"] = track["protection_v_m"] = np.inf
         return
-    level_h, level_v = (LEVEL_K * sigma for sigma in _sigmas(track["P"][:, :3, :3]))
-    for position, covariance in apart:
-        gap_h, gap_v = _distances(track["x"], position)
-        sigma_h, sigma_v = _sigmas(covariance)
-        level_h = np.maximum(level_h, gap_h + LEVEL_K * sigma_h)
-        level_v = np.maximum(level_v, gap_v + LEVEL_K * sigma_v)
-    track["protection_h_m"], track["protection_v_m"] = level_h, level_v
+    own = track["x"][:, :3], track["P"][:, :3, :3]  # of itself it is no distance away
+    position, covariance = (np.stack(both) for both in zip(own, *apart, strict=True))
+    gap_h, gap_v = _distances(track["x"], position)
+    sigma_h, sigma_v = _sigmas(covariance)
+    track["protection_h_m"] = (gap_h + LEVEL_K * sigma_h).max(axis=0)
+    track["protection_v_m"] = (gap_v + LEVEL_K * sigma_v).max(axis=0)
 
 
 def separation(track: np.ndarray, sensor: int, position: np.ndarray, covariance: np.ndarray) -> np.ndarray:
@@ -45,13 +44,13 @@ def separation(track: np.ndarray, sensor: int, position: np.ndarray, covariance:
 
 
 def _distances(x: np.ndarray, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Horizontally (k,) and in height (k,), between states (k, ≥3) and positions (k, 3)."""
+    """Horizontally (…, k) and in height (…, k), between states (k, ≥3) and positions (…, k, 3)."""
     gap = x[:, :3] - position
-    return np.hypot(gap[:, 0], gap[:, 1]), np.abs(gap[:, 2])
+    return np.hypot(gap[..., 0], gap[..., 1]), np.abs(gap[..., 2])
 
 
 def _sigmas(covariance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Largest horizontal 1-sigma (k,) and vertical 1-sigma (k,) of position covariances (k, 3, 3)."""
-    a, b, c = covariance[:, 0, 0], covariance[:, 1, 1], covariance[:, 0, 1]
+    """Largest horizontal 1-sigma (…, k) and vertical one (…, k) of position covariances (…, k, 3, 3)."""
+    a, b, c = covariance[..., 0, 0], covariance[..., 1, 1], covariance[..., 0, 1]
     largest = 0.5 * (a + b) + np.sqrt(0.25 * (a - b) ** 2 + c**2)
-    return np.sqrt(largest), np.sqrt(covariance[:, 2, 2])
+    return np.sqrt(largest), np.sqrt(covariance[..., 2, 2])

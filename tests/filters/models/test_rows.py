@@ -44,3 +44,12 @@ def test_a_rehearsal_has_every_channel_six_times_and_only_those_there_are():
     said = rows.rehearsal([rows.Sensor("theo", "theodolite", sigma, np.zeros(3))])
     assert sorted(said["channel"].tolist()) == [rows.RANGE] * 6 + [rows.AZIMUTH] * 6
     assert np.unique(said["t_ns"]).tolist() == [k * 300_000_000 for k in range(6)]
+
+
+def test_records_of_several_parts_are_joined_and_one_alone_is_handed_on():
+    some = np.arange(3).astype([("a", "i8")])
+    none = some[:0]
+    assert rows.joined([none, some, none], some.dtype) is some
+    assert rows.joined([some, none, some], some.dtype)["a"].tolist() == [0, 1, 2, 0, 1, 2]
+    empty = rows.joined([], some.dtype)
+    assert (len(empty), empty.dtype) == (0, some.dtype)

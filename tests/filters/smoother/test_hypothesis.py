@@ -24,7 +24,7 @@ def hypothesis(sensors, seconds=2.0, seed=0, excluded=-1, sigma=5.0):
     P[range(CORE), range(CORE)] = sigma**2
     anchor = Moment(int(rows.t[0]), x, P, status.fresh_memory(len(sensors)))
     one = Hypothesis(Workspace(model, PSD), anchor, excluded)
-    one.own = outcome(len(rows.t))
+    one.judged(outcome(len(rows.t)))
     one.own.weight[:] = 1.0
     return one, rows, model
 
@@ -64,6 +64,23 @@ def test_a_right_model_is_as_likely_as_it_expects(seed):
     one, rows, _ = hypothesis(instruments(), seed=seed)
     one.settle(rows, 0)
     assert abs(one.shortfall) < 4.0
+
+
+def test_rows_taken_one_by_one_or_together_are_judged_alike():
+    """What was made of them lies in one place, which grows; a copy has its own."""
+    one, rows, model = hypothesis(small.four())
+    one.judged(outcome(0))
+    other, told = one.copy(), gated.told(len(rows.t), len(model.prior))
+    one.admit(rows, told, gated.BY_STATUS, NEVER)
+    for k in np.flatnonzero(np.diff(rows.t, prepend=-1)):
+        epoch = Rows(*(column[rows.t == rows.t[k]] for column in rows))
+        before = other.copy()
+        other.admit(epoch, told, gated.BY_STATUS, NEVER)
+        assert len(before.own.weight) == k
+    for together, single in zip(one.own, other.own, strict=True):
+        assert (together == single).all()
+    before.own.weight[:] = -1.0
+    assert (other.own.weight >= 0.0).all()
 
 
 def test_nothing_is_expected_of_an_excluded_sensor():
@@ -207,7 +224,7 @@ def test_excluded_it_says_what_the_others_say():
 def test_first_sight_then_the_window_end_in_the_same_state(slow):
     """No outliers, same densities: filtered forward is filtered forward."""
     one, rows, model = hypothesis([sensor._replace(slow=slow) for sensor in small.four()])
-    one.slow = np.array([[0.0, 1.0, -1.0, 2.0], one.slow[1]])
+    one.follow(np.array([[0.0, 1.0, -1.0, 2.0], one.slow[1]]))
     one.own = outcome(0)
     told = gated.told(len(rows.t), len(model.prior))
     count, _ = one.admit(rows, told, gated.Rule(gated.IGG, np.inf, np.inf), NEVER)
@@ -223,7 +240,7 @@ def test_first_sight_then_the_window_end_in_the_same_state(slow):
 def test_committed_in_parts_is_all_at_once(cut, slow):
     """The anchor passes the first rows, the rest is filtered from there: the same head as from the start."""
     one, rows, _ = hypothesis([sensor._replace(slow=slow) for sensor in small.four()])
-    one.slow = np.array([[0.0, 1.0, -1.0, 2.0], one.slow[1]])
+    one.follow(np.array([[0.0, 1.0, -1.0, 2.0], one.slow[1]]))
     found = one.settle(rows, cut)
     one._smooth(rows, 0)  # with the densities as they are now
     x, P, weight, scale = one.head.x.copy(), one.head.P.copy(), one.own.weight.copy(), one.scale
@@ -232,7 +249,8 @@ def test_committed_in_parts_is_all_at_once(cut, slow):
     assert one.anchor.t_ns == rows.t[cut - 1]
     assert np.array_equal(one.own.weight, weight[cut:])
     rest = Rows(*(column[cut:] for column in rows))
-    one.scale, one.slow = scale, slow_errors
+    one.scale = scale
+    one.follow(slow_errors)
     one._smooth(rest, 0)
     assert np.allclose(one.head.x, x, rtol=1e-9, atol=1e-9)
     assert np.allclose(one.head.P, P, rtol=1e-8, atol=1e-12)
@@ -241,7 +259,7 @@ def test_committed_in_parts_is_all_at_once(cut, slow):
 def test_of_both_regimes_the_errors_have_the_same_factor():
     sensors = [small.ins(), small.theodolite(slow=1.0)]
     one, _, model = hypothesis(sensors)
-    one.slow = np.array([[3.0, np.log(4.0)], one.slow[1]])
+    one.follow(np.array([[3.0, np.log(4.0)], one.slow[1]]))
     one.psd_before = 30.0 * one.psd
     now, before = one.densities()
     assert np.array_equal(now[4:], before[4:])
