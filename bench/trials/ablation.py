@@ -18,16 +18,16 @@ import numpy as np
 
 from bench.trials import common, flights, liar, run, scene, score
 from filters.models import state
-from filters.smoother import adaptation, bank, estimator, gated
+from filters.smoother import adaptation, bank, challengers, estimator, gated
 from filters.smoother.bank import Bank
 
 SEEN_S, LIARS = 60.0, "standard"
-REDECIDE, AGAIN, STARTS = Bank.redecide, Bank._again, Bank._starts
+REDECIDE, AGAIN, STARTS = Bank.redecide, challengers.again, Bank._starts
 SLOW_ERRORS = state._slow_errors
 
 
-def _no_annealing(self: Bank, rows: Any, weight: np.ndarray, *, annealed: bool) -> Any:
-    return self.best.copy() if annealed else AGAIN(self, rows, weight, annealed=False)
+def _no_annealing(incumbent: Any, rows: Any, weight: np.ndarray, *, annealed: bool) -> Any:
+    return incumbent.copy() if annealed else AGAIN(incumbent, rows, weight, annealed=False)
 
 
 def _first_starts(self: Bank, rows: Any) -> list:
@@ -54,9 +54,9 @@ PARTS = {
     "no proposal `without`": Part(
         ((Bank, "redecide", lambda self, rows, keep, _=(): REDECIDE(self, rows, keep)),)
     ),
-    "no proposal `running`": Part(((Bank, "_running", lambda _self, rows: np.zeros(len(rows.t), bool)),)),
-    "no proposal `again`": Part(((Bank, "_again", _no_annealing),)),
-    "no proposal `manoeuvre`": Part(((Bank, "_manoeuvre", lambda self, _rows: self.best.copy()),)),
+    "no proposal `running`": Part(((challengers, "running", lambda _, rows: np.zeros(len(rows.t), bool)),)),
+    "no proposal `again`": Part(((challengers, "again", _no_annealing),)),
+    "no proposal `manoeuvre`": Part(((challengers, "manoeuvre", lambda incumbent, _: incumbent.copy()),)),
     "no proposal `start` but the first": Part(((Bank, "_starts", _first_starts),)),
     "no alternative that lives on": Part(((Bank, "_keep_alternative", lambda _self, _top, _ranked: None),)),
     "no prior odds of a change": Part(((bank, "INERTIA", 0.0),)),

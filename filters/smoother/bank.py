@@ -5,12 +5,14 @@ window worse than a right model would (a posterior predictive check: Gelman et a
 Analysis*, 6.3), whatever went wrong; and starts also until the newest one has explained a window, as till
 then it is no likelier than another one. The log evidence with prior odds decides:
 
-    without     the weights of the bank without some sensor, where that puts the target elsewhere
+    without     the weights of another bank, where that puts the target elsewhere
     running     rows after the begin of a run stay closed in their channel, then opened
     again       the same anchor, all rows open again, annealed
     manoeuvre   the same, with a much wilder motion from just before the misfits begin
     start       nothing known before: each sensor's own fix and rows, then all rows
 
+Where they lose they are tried again as soon as it explains less than before, when what it does not explain is
+about to be decided, and else after twice the time: what one explanation gains on another grows with the rows.
 The first start, a gap, a jump, a capture by a bad sensor are all the last of these. The likeliest of those
 that lose, if it is close and another explanation, lives on as the alternative: it takes the same rows, and is
 tried again until they are decided.
@@ -22,10 +24,11 @@ from typing import NamedTuple
 import numpy as np
 
 from filters.models.motion import CORE
-from filters.models.rows import AE, CHANNELS
-from filters.smoother import adaptation, gated, start, status
-from filters.smoother.buffer import Rows, outcome
-from filters.smoother.hypothesis import Hypothesis, Moment, Workspace, apart, differ
+from filters.models.rows import AZIMUTH, ELEVATION, RANGE, E, N, U
+from filters.smoother import challengers, gated, status
+from filters.smoother.buffer import Rows
+from filters.smoother.challengers import Prior
+from filters.smoother.hypothesis import LONG_AGO_NS, Hypothesis, Workspace, apart, differ
 from filters.smoother.passes import Scores
 
 SHORTFALL = 2.0  # standard deviations of the log evidence below which the model is thought to be wrong
@@ -33,20 +36,11 @@ WRONG = 6.0  # … and below which it surely is
 LOST = 12.0  # … for a method that decides at first sight and takes outliers in its stride
 ODDS_MANOEUVRE, ODDS_START = np.log(0.1), np.log(1e-2)  # prior odds in any one window
 INERTIA = np.log(1e-2)  # prior odds of any change: the incumbent has explained all windows before
-LEAD_NS = 100_000_000  # a jerk is under way for so long before a position shows it: (6 · 0.1 m / 600 m/s³)^⅓
-MISFIT = 5.0  # rows that one misfit outweighs in the search for where a manoeuvre began
 TEMPER = 0.3  # power of the odds: rows of a channel are less independent than the model says
 PROOF_NS = 3_000_000_000  # longer than the runs of outliers that radars and theodolites show
 CLOSE = np.log(1e3)  # log odds within which two hypotheses are ambiguous
-FASTEST_MPS = 1000.0  # 1-sigma per axis of the speeds that there are
-GOOD_SHARE = 0.5  # of the rows that a first state must explain
-
-
-class Prior(NamedTuple):
-    """What is known of the target before it is seen."""
-
-    height_m: float = np.nan
-    height_sigma_m: float = np.nan
+GOOD_SHARE = 0.5  # of the rows that a first state must explain, and of a sensor's that confirm it
+PLACE = (RANGE, AZIMUTH, ELEVATION, E, N, U)  # channels that say where the target is
 
 
 class Trial(NamedTuple):
@@ -61,6 +55,14 @@ class Trial(NamedTuple):
         return self.prior + self.hypothesis.log_evidence
 
 
+class Asked(NamedTuple):
+    """When the incumbent began to explain too little, when it was challenged last, and its shortfall then."""
+
+    since_ns: int
+    t_ns: int
+    shortfall: float
+
+
 class Bank:
     """See the module's text. ``best`` is None until there is a first state."""
 
@@ -70,12 +72,14 @@ class Bank:
         self.alternative: Trial | None = None  # nearly as likely, about the same rows
         self.slow = space.prior_slow  # see `Hypothesis`, of the newest one that was forgotten
         self._close_call, self.spread = False, np.zeros((CORE, CORE))  # (9, 9) doubt between hypotheses
+        self._asked: Asked | None = None  # whose challengers have lost
+        self._contradicted = False  # by another sensor, since a start by one alone
         self._proven_ns = 0  # until then a start of one sensor alone may be the middle of its own run
         self.reason = ""  # of the newest start
 
     def ambiguous(self, t_ns: np.ndarray) -> np.ndarray:
         """(k,) bool: another hypothesis is nearly as likely, or nobody else has confirmed this start yet."""
-        return self._close_call | (t_ns < self._proven_ns)
+        return self._close_call | self._contradicted | (t_ns < self._proven_ns)
 
     @property
     def undecided(self) -> bool:
@@ -111,20 +115,26 @@ class Bank:
     def redecide(self, rows: Rows, keep: int, others: Sequence[Hypothesis] = ()) -> Scores:
         """Settle the window, challenge the incumbent where it fails, keep the likeliest who is left.
 
-        ``others``: what is made of the same rows without some sensor.
+        ``others``: what is made of the same rows without some sensor, or with all.
         """
         best = self.best
         if self.alternative is not None:
             self.alternative.hypothesis.settle(rows, 0)
         found = best.settle(rows, keep)
-        trials, starts = self._challengers(rows, others)
+        trials, starts = self._challengers(rows, keep, others)
         ranked = [Trial(0.0, best), *trials, *starts]
         inertia = 0.0 if best.young else INERTIA
         top = max(ranked, key=lambda trial: trial.log_odds + inertia * (trial.hypothesis is not best))
         self._doubt(top, ranked)
         self._keep_alternative(top, ranked)
+        if self._contradicted:
+            self._contradicted = self._witnesses(rows)[0] < 2
         if len(ranked) == 1:
             return found
+        if top.hypothesis is best and not keep:
+            return found
+        if top.hypothesis is not best:
+            self._asked = None
         self.best = top.hypothesis
         if top in starts:
             if not best.young:  # else it is still the first one's
@@ -133,34 +143,50 @@ class Bank:
             self._put_to_the_proof(rows)
         return self.best.settle(rows, keep)
 
-    def _challengers(self, rows: Rows, others: Sequence[Hypothesis]) -> tuple[list[Trial], list[Trial]]:
+    def _challengers(
+        self, rows: Rows, keep: int, others: Sequence[Hypothesis]
+    ) -> tuple[list[Trial], list[Trial]]:
         """Who goes on from the incumbent's anchor, and who begins anew; none where all is well."""
         best, trials, starts = self.best, [], []
         if self.alternative is not None:
             (starts if self.alternative.hypothesis.young else trials).append(self.alternative)
         for other in others:
             if apart(best, other):
-                trials.append(Trial(0.0, self._again(rows, other.own.weight, annealed=False)))
-        running = self._running(rows)
+                trials.append(Trial(0.0, challengers.again(best, rows, other.own.weight, annealed=False)))
+        running = challengers.running(best, rows)
         if running.any():
             trial = best.copy()
             trial.settle(rows, 0, running)
             trials.append(Trial(0.0, trial))
-            trials.append(Trial(0.0, self._again(rows, trial.own.weight, annealed=False)))
+            trials.append(Trial(0.0, challengers.again(best, rows, trial.own.weight, annealed=False)))
         fixes = self._starts(rows) if best.young else []
-        if len(rows.t) and best.shortfall >= SHORTFALL:
-            everything = (rows.sensor != self.excluded).astype(float)
-            again = self._again(rows, everything, annealed=True)
-            wilder = self._manoeuvre(rows)
+        if len(rows.t) and self._asks(int(rows.t[-1]), int(rows.t[keep - 1]) if keep else LONG_AGO_NS):
+            again = challengers.again(best, rows, np.ones(len(rows.t)), annealed=True)
+            wilder = challengers.manoeuvre(best, rows)
             trials += [Trial(0.0, again), Trial(ODDS_MANOEUVRE, wilder)]
             unexplained = min(again.shortfall, wilder.shortfall) > SHORTFALL
             if not fixes and (unexplained or best.shortfall > WRONG):
                 fixes = self._starts(rows)
         if fixes:
             likeliest = max(fixes, key=lambda fix: fix.log_evidence)
-            trials.append(Trial(0.0, self._again(rows, likeliest.own.weight, annealed=False)))
+            trials.append(Trial(0.0, challengers.again(best, rows, likeliest.own.weight, annealed=False)))
             starts += [Trial(0.0 if best.young else ODDS_START, fix) for fix in fixes]
         return trials, starts
+
+    def _asks(self, t_ns: int, decided_ns: int) -> bool:
+        """Whether the incumbent explains the rows up to ``t_ns`` too poorly, and it is time to challenge it.
+
+        Those up to ``decided_ns`` are about to be decided.
+        """
+        short, asked = self.best.shortfall, self._asked
+        if short < SHORTFALL:
+            self._asked = None
+            return False
+        since_ns = t_ns if asked is None else asked.since_ns
+        due = asked is None or decided_ns >= since_ns or t_ns - asked.t_ns >= asked.t_ns - since_ns
+        if due or short > asked.shortfall:
+            self._asked = Asked(since_ns, t_ns, short)
+        return self._asked is not asked
 
     def watch(self, rows: Rows, keep: int) -> Scores:
         """For methods that have no window: start anew where they have lost the target; as `redecide`."""
@@ -175,9 +201,15 @@ class Bank:
         self.best, self.reason = likeliest, "lost the target: begun again from the sensors"
         return likeliest.look(rows, keep)
 
-    def begin(self, rows: Rows) -> bool:
-        """Try to find a first state in a window of ``rows``; whether there is one now."""
+    def begin(self, rows: Rows, weight: np.ndarray | None = None) -> bool:
+        """Try to find a first state in a window of ``rows``; whether there is one now.
+
+        ``weight`` (k,): what is made of the same rows with all sensors.
+        """
         fixes = sorted(self._starts(rows), key=lambda fix: -fix.log_evidence)
+        if fixes and weight is not None:
+            fixes.append(challengers.again(fixes[0], rows, weight, annealed=False))
+            fixes.sort(key=lambda fix: -fix.log_evidence)
         heard = rows.sensor != self.excluded
         good = [(fix.own.weight[heard] > status.DOUBT).mean() >= GOOD_SHARE for fix in fixes]
         trials = [Trial(0.0, fix) for fix, enough in zip(fixes, good, strict=True) if enough]
@@ -188,11 +220,25 @@ class Bank:
         self._put_to_the_proof(rows)
         return True
 
+    def _starts(self, rows: Rows) -> list[Hypothesis]:
+        slow = (self.best or self).slow
+        return challengers.starts(self.space, rows, self.prior, self.best, self.excluded, slow)
+
     def _put_to_the_proof(self, rows: Rows) -> None:
-        """A start that rests on one sensor is ambiguous for a while: what it says may be a run of its own."""
-        used = rows.sensor[(self.best.own.weight > status.DOUBT) & (rows.channel < AE)]
-        alone = len(np.unique(used)) < 2
-        self._proven_ns = self.best.head.t_ns + (PROOF_NS if alone else 0)
+        """A start that rests on one sensor is ambiguous for a while: what it says may be a run of its own.
+
+        Where another contradicts it, until one confirms it: nobody can tell then who of the two is wrong.
+        """
+        confirmed, heard = self._witnesses(rows)
+        self._contradicted = confirmed < 2 <= heard
+        self._proven_ns = self.best.head.t_ns + (PROOF_NS if confirmed < 2 else 0)
+
+    def _witnesses(self, rows: Rows) -> tuple[int, int]:
+        """How many sensors say where the target is as the incumbent has it, and how many say it at all."""
+        place = (rows.sensor != self.excluded) & np.isin(rows.channel, PLACE)
+        count = np.bincount(rows.sensor[place])
+        used = np.bincount(rows.sensor[place], self.best.own.weight[place] > status.DOUBT, len(count))
+        return int((used > GOOD_SHARE * count).sum()), int((count > 0).sum())
 
     def _doubt(self, top: Trial, ranked: list[Trial]) -> None:
         """What is left of the other hypotheses: a spread of the state, and whether it is ambiguous.
@@ -222,79 +268,3 @@ class Bank:
         ]  # fmt: skip
         likeliest = max(close, key=lambda trial: trial.log_odds, default=None)
         self.alternative = likeliest and Trial(likeliest.prior - top.prior, likeliest.hypothesis)
-
-    def _again(self, rows: Rows, weight: np.ndarray, *, annealed: bool) -> Hypothesis:
-        """The same anchor, from other weights (k,)."""
-        trial = self.best.copy()
-        trial.own.weight[:] = weight
-        trial.settle(rows, 0, annealed=annealed)
-        return trial
-
-    def _running(self, rows: Rows) -> np.ndarray:
-        """(k,) bool: rows from the begin of a run in their channel on, if some are used all the same."""
-        running, outlier = np.zeros(len(rows.t), bool), self.best.own.weight < status.DOUBT
-        name = rows.sensor.astype(np.int64) * len(CHANNELS) + rows.channel
-        for one in np.unique(name[outlier]):
-            mine = np.flatnonzero(name == one)
-            if len(mine) < status.PATCH_ROWS:
-                continue
-            together = np.convolve(outlier[mine], np.ones(status.PATCH_ROWS), "valid") == status.PATCH_ROWS
-            if together.any():
-                since = mine[np.argmax(together) :]
-                running[since] = not outlier[since].all()
-        return running & (rows.sensor != self.excluded)
-
-    def _manoeuvre(self, rows: Rows) -> Hypothesis:
-        """The same anchor; from where the misfits begin, all rows open again and a much wilder motion."""
-        trial = self.best.copy()
-        own, begin = trial.own, self._onset(rows)
-        own.weight[begin:] = rows.sensor[begin:] != self.excluded
-        own.regime[:begin], own.regime[begin:] = 1, 0
-        trial.psd_before = trial.psd
-        trial.psd = adaptation.wilder(trial.psd, self.space.prior_psd)
-        trial.settle(rows, 0, annealed=True)
-        trial.settle(rows, 0)
-        return trial
-
-    def _onset(self, rows: Rows) -> int:
-        """The first row of a manoeuvre: somewhat before the one from which on there are more misfits.
-
-        That by a cumulative sum, reversed (Page 1954).
-        """
-        own = self.best.own
-        misfit = np.where(own.weight < status.DOUBT, MISFIT, 0.0) * (rows.sensor != self.excluded)
-        seen = int(len(misfit) - 1 - np.argmax(np.cumsum((misfit - 1.0)[::-1])))
-        return int(np.searchsorted(rows.t, rows.t[seen] - LEAD_NS))
-
-    def _starts(self, rows: Rows) -> list[Hypothesis]:
-        model, prior, trials = self.space.model, self.prior, []
-        heard = np.flatnonzero(rows.sensor != self.excluded)
-        if not len(heard):
-            return trials
-        usable = Rows(*(column[heard] for column in rows))
-        for s, x, P in start.candidates(model, usable, prior.height_m, prior.height_sigma_m):
-            if self.best is not None:
-                self._keep_errors(x, P)
-            anchor = Moment(int(usable.t[0]), x, P, status.fresh_memory(len(model.is_ins)))
-            trial = Hypothesis(self.space, anchor, self.excluded)
-            trial.follow((self.best or self).slow)
-            if self.best is not None:
-                trial.scale, trial.motion, trial.psd = self.best.scale, self.best.motion, self.best.usual_psd
-            trial.judged(outcome(len(rows.t)))
-            trial.own.weight[:] = rows.sensor == s
-            trial.settle(rows, 0)
-            trial.settle(rows, 0)
-            trial.log_evidence -= 0.5 * float(np.sum((trial.head.x[3:6] / FASTEST_MPS) ** 2))
-            trials.append(trial)
-        return trials
-
-    def _keep_errors(self, x: np.ndarray, P: np.ndarray) -> None:
-        """The instruments' errors keep what is known of them, twice as unsure; in place."""
-        model, known = self.space.model, self.best.anchor
-        kept = np.setdiff1d(model.bias_at[~model.is_ins], [-1])
-        both = np.ix_(kept, kept)
-        usual = adaptation.slow_factors(self.best.slow, model)[kept - CORE]
-        wide, most = 4.0 * known.P[both], model.prior[kept] * np.maximum(usual, 1.0)
-        shrink = np.sqrt(np.minimum(1.0, most / np.maximum(np.diag(wide), 1e-300)))
-        x[kept] = known.x[kept]
-        P[both] = shrink[:, None] * wide * shrink  # never wider than the prior, and still a covariance

@@ -23,11 +23,12 @@ from filters.models.rows import ROW, SEPARATION, TRACK, VERDICT, Sensor, Step, j
 from filters.models.settings import Settings
 from filters.models.store import InMemory, Keep
 from filters.smoother import gated, start, status, tracks
-from filters.smoother.bank import Bank, Prior
+from filters.smoother.bank import Bank
 from filters.smoother.buffer import MeasurementBuffer, Rows, faults, refusals
-from filters.smoother.hypothesis import Workspace
+from filters.smoother.challengers import Prior
+from filters.smoother.hypothesis import LONG_AGO_NS, Workspace
 from filters.smoother.integrity import protection, report
-from filters.smoother.snapshots import LONG_AGO_NS, Progress, Snapshots, mark_type
+from filters.smoother.snapshots import Progress, Snapshots, mark_type
 from filters.smoother.window import Window
 
 CELL_NS = 250_000_000  # data time between two re-decisions at the shortest lag

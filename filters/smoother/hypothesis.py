@@ -20,6 +20,7 @@ from filters.smoother.buffer import Outcome, Rows, outcome
 SETTLED = 0.05  # a change of weight that is no change
 PASSES = 3  # over the window at most, at one temperature
 APART = 3.0  # sigmas between two positions beyond which it matters
+LONG_AGO_NS = np.iinfo(np.int64).min // 2  # a time before all others
 ANNEALING = (100.0, 16.0, 4.0, 1.0)  # factors of all noise variances, from wide to narrow
 
 

@@ -16,9 +16,8 @@ from filters.models.store import Store
 from filters.smoother import status
 from filters.smoother.bank import Bank
 from filters.smoother.buffer import MeasurementBuffer
-from filters.smoother.hypothesis import Hypothesis, Moment
+from filters.smoother.hypothesis import LONG_AGO_NS, Hypothesis, Moment
 
-LONG_AGO_NS = np.iinfo(np.int64).min // 2
 MARK_NS = 1_000_000_000
 
 

@@ -144,9 +144,9 @@ class Window:
         for bank in self.now.banks[1:]:
             if bank.best is None:
                 if turn:
-                    bank.begin(rows)
+                    bank.begin(rows, self.now.best.own.weight)
             elif turn or bank.best.surprise > gated.SURPRISE:
-                bank.redecide(rows, 0)
+                bank.redecide(rows, 0, (self.now.best,))
 
     def _decide(self, cut: int) -> None:
         """Settle the incumbent, and decide the first ``cut`` rows."""

@@ -7,10 +7,11 @@ import pytest
 
 from filters.models import state
 from filters.models.motion import PSD
-from filters.models.rows import AZIMUTH, ELEVATION, RANGE, E
-from filters.smoother import bank, status
-from filters.smoother.bank import Bank, Prior
+from filters.models.rows import AZIMUTH, ELEVATION, RANGE, E, U
+from filters.smoother import bank, challengers, status
+from filters.smoother.bank import Bank
 from filters.smoother.buffer import Outcome, Rows, outcome
+from filters.smoother.challengers import Prior
 from filters.smoother.hypothesis import Workspace
 from tests.filters.smoother.kit import small
 
@@ -126,13 +127,72 @@ def test_a_start_yields_to_a_better_one_until_it_has_explained_a_window():
     for end in (6, 20, 60, len(rows.t)):
         fresh = outcome(end - seen)
         fresh.weight[:] = 1.0
-        one.best.own = Outcome(*(np.concatenate(both) for both in zip(one.best.own, fresh, strict=True)))
+        one.best.judged(Outcome(*(np.concatenate(both) for both in zip(one.best.own, fresh, strict=True))))
         seen, part = end, Rows(*(column[:end] for column in rows))
         found = one.redecide(part, 0)
     assert one.best.young
     assert off(one, part)[1] < 3.0
     one.best.commit(part, seen // 2, found, 0.5)
     assert not one.best.young
+
+
+def contradicted(sensors):
+    """(bank, rows) after a start of ``sensors``, of which the second is 150 m off in all its rows."""
+
+    def spoil(rows):
+        theirs = rows.sensor == 1
+        rows.value[theirs & (rows.channel == RANGE)] += 150.0
+        rows.value[theirs & (rows.channel == AZIMUTH)] += 0.1
+        rows.value[theirs & (rows.channel == ELEVATION)] += 0.1
+
+    one, rows, found = begun(sensors, spoil=spoil)
+    assert found
+    return one, rows
+
+
+def test_a_start_that_another_sensor_contradicts_is_ambiguous_until_one_confirms_it():
+    one, rows = contradicted([A, B])
+    long_after = one.best.head.t_ns + np.array([1, 100]) * bank.PROOF_NS
+    assert one.ambiguous(long_after).all()
+    one.redecide(rows, 0)
+    assert one.ambiguous(long_after).all()  # whatever their rows say, they cannot tell
+    small.start.places(rows, *one.space.model[2:4], one.space.model.is_ins, np.nan, 0)
+    rows.value[:] = small.to_rows(small.fly([A, B], 1.0), one.space.model).value
+    one.best.own.weight[:] = 1.0
+    one.redecide(rows, 0)
+    assert not one._contradicted
+
+
+def test_a_third_sensor_tells_which_of_two_is_wrong():
+    one, rows = contradicted([A, B, RADAR])
+    assert off(one, rows)[1] < 5.0
+    assert not ambiguous(one)
+
+
+def test_who_confirms_where_the_target_is_has_half_of_its_rows_used():
+    one, rows, _ = begun([INS, A])
+    assert one._witnesses(rows) == (2, 2)
+    theirs = rows.sensor == 1
+    one.best.own.weight[theirs] = rows.channel[theirs] == RANGE  # one of three
+    assert one._witnesses(rows) == (1, 2)
+    one.best.own.weight[:] = (rows.sensor == 1) | (rows.channel > U)  # velocities tell of no place
+    assert one._witnesses(rows) == (1, 2)
+
+
+def test_a_bank_without_a_sensor_may_begin_as_all_see_it():
+    """A run of one channel lasts from the first row to the middle: which half is wrong the others know."""
+
+    def spoil(rows):
+        run = (rows.sensor == 1) & (rows.channel == AZIMUTH) & (rows.t < 600_000_000)
+        rows.value[run] += 0.005
+
+    one, rows, _ = begun([INS, A, RADAR], spoil=spoil)
+    alone = one.best.log_evidence
+    wrong = (rows.sensor == 1) & (rows.channel == AZIMUTH) & (rows.t < 600_000_000)
+    assert one.begin(rows, (~wrong).astype(float))
+    assert one.best.log_evidence >= alone - 1e-9
+    assert (one.best.own.weight[wrong] < status.DOUBT).all()
+    assert off(one, rows)[0] < 5.0
 
 
 @pytest.mark.xfail(
@@ -185,7 +245,7 @@ def later(sensors, *, path=None, spoil=None, seed=1):
     one.best.commit(before, first, one.best.settle(before, first), 1.0)
     own = outcome(len(after.t))
     own.weight[:] = 1.0
-    one.best.own = Outcome(*(np.concatenate(both) for both in zip(one.best.own, own, strict=True)))
+    one.best.judged(Outcome(*(np.concatenate(both) for both in zip(one.best.own, own, strict=True))))
     return one, after
 
 
@@ -221,6 +281,43 @@ def test_outliers_are_no_reason_to_begin_again():
     assert not one.best.young
     assert one.best.anchor.t_ns == anchor
     assert off(one, rows)[1] < 1.0
+
+
+def test_who_explains_too_little_is_challenged_at_once_and_then_after_twice_the_time():
+    one, _, _ = begun([A, B])
+    one.best.shortfall = bank.SHORTFALL
+    asked = [t_ns for t_ns in range(100, 1000, 50) if one._asks(t_ns, 0)]
+    assert asked == [100, 150, 200, 300, 500, 900]
+    assert not one._asks(950, 99)
+    assert one._asks(950, 100)  # the first of the rows in doubt is about to be decided
+
+
+def test_who_explains_less_than_when_it_was_challenged_is_so_at_once():
+    one, _, _ = begun([A, B])
+    assert not one._asks(0, -1)
+    for t_ns, shortfall, asks in [(0, 2.5, True), (50, 2.4, True), (60, 2.3, False), (61, 2.4, False),
+                                  (62, 2.5, True), (63, 1.9, False), (64, 2.1, True)]:  # fmt: skip
+        one.best.shortfall = shortfall
+        assert one._asks(t_ns, -1) == asks
+
+
+def test_challengers_that_lost_are_not_tried_on_the_same_rows_again(monkeypatch):
+    def spoil(rows):
+        at = np.random.default_rng(0).permutation(len(rows.t))[:60]
+        rows.value[at] += 40 * np.sqrt(rows.stated[at])
+
+    one, rows = later([INS, A, B, RADAR], spoil=spoil)
+    incumbent, tried = one.best, []
+    manoeuvre = challengers.manoeuvre
+    monkeypatch.setattr(challengers, "manoeuvre", lambda *given: tried.append(given) or manoeuvre(*given))
+    one._asked = bank.Asked(int(rows.t[0]), int(rows.t[-1]) - 1, np.inf)
+    one.redecide(rows, 0)
+    assert not tried
+    one._asked = None
+    one.redecide(rows, 0)
+    assert len(tried) == 1
+    assert one.best is incumbent
+    assert one._asked == (rows.t[-1], rows.t[-1], incumbent.shortfall)
 
 
 @pytest.mark.parametrize("liar", range(3))
@@ -270,8 +367,8 @@ def test_a_manoeuvre_begins_before_it_is_seen():
     one, rows = later([INS, A, B, RADAR])
     seen = rows.t[-1] - 200_000_000
     one.best.own.weight[:] = rows.t < seen
-    begin = one._onset(rows)
-    assert rows.t[begin] == rows.t[rows.t >= rows.t[rows.t >= seen][0] - bank.LEAD_NS][0]
+    begin = challengers.onset(one.best, rows)
+    assert rows.t[begin] == rows.t[rows.t >= rows.t[rows.t >= seen][0] - challengers.LEAD_NS][0]
 
 
 @pytest.mark.parametrize("about", [{"estimate": ("bias",)}, {"slow": 4.0}], ids=str)
@@ -282,14 +379,14 @@ def test_a_restart_keeps_what_is_known_of_an_instruments_errors(about):
     one.best.slow = np.array([[-1.0, 0.0, 0.0], [1.0, 1.0, 1.0]])
     one.best.anchor.x[at], one.best.anchor.P[at, at] = 7.0, 0.04
     x, P = np.zeros(len(one.best.anchor.x)), state.prior_covariance(one.space.model)
-    one._keep_errors(x, P)
+    challengers.keep_errors(one.best, x, P)
     assert x[at] == 7.0
     assert P[at, at] == pytest.approx(4 * 0.04)
     one.best.anchor.P[at, at] = 1e6
-    one._keep_errors(x, P)
+    challengers.keep_errors(one.best, x, P)
     assert P[at, at] == pytest.approx(one.space.model.prior[at])
     one.best.slow[0, 0] = 1.0  # an error that may be larger than stated
-    one._keep_errors(x, P)
+    challengers.keep_errors(one.best, x, P)
     assert P[at, at] == pytest.approx(one.space.model.prior[at] * (np.e if "slow" in about else 1.0))
 
 
