@@ -53,6 +53,7 @@ class Case(NamedTuple):
     patch: Patch | None = None
     gap_share: float = 0.0  # of an instrument's measurements, lost in dropouts
     wrong: simulate.InstrumentErrors = simulate.NO_ERRORS  # systematic errors of the first instrument
+    ins_rate_hz: float = RATE_HZ
     estimate: tuple[str, ...] = ()  # systematic errors to estimate
     doubt: str = "first"  # first | all: of which instruments
     late_share: float = 0.0  # of the rows
@@ -79,7 +80,7 @@ def fly(case: Case, seed: int, seconds: float) -> SimulatedFlight:
         sensor(name, case.estimate if case.doubt == "all" or name == crooked else ()) for name in case.sensors
     ]
     seen = [
-        simulate.ins(truth, rng, INS)
+        simulate.ins(truth, rng, INS._replace(rate_hz=case.ins_rate_hz))
         if s.kind == "ins"
         else _watch(case, truth, s, case.wrong if s.name == crooked else simulate.NO_ERRORS, rng)
         for s in sensors
