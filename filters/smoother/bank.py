@@ -95,10 +95,10 @@ class Bank:
             other.alternative = Trial(prior, hypothesis.copy())
         return other
 
-    def admit_alternative(self, new: Rows, told: gated.Told, rule: gated.Rule) -> None:
+    def admit_alternative(self, new: Rows, states: gated.EpochStates, rule: gated.Rule) -> None:
         """The alternative takes ``new`` rows, which the incumbent takes too."""
         if self.alternative is not None:
-            self.alternative.hypothesis.admit(new, told, rule, gated.NEVER_NS)
+            self.alternative.hypothesis.admit(new, states, rule, gated.NEVER_NS)
 
     def commit(
         self, rows: Rows, cut: int, found: Scores, seconds: float, scale: np.ndarray | None = None

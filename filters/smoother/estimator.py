@@ -69,7 +69,7 @@ class FixedLagSmoother:
         self._smoothed: list[np.ndarray] = []  # and final, not handed out yet
         self._separations: list[np.ndarray] = []  # not handed out yet
         self._separated_ns = LONG_AGO_NS  # begin of the newest cell that it was told of
-        self._told = gated.told(64, len(self.model.prior))
+        self._states = gated.epoch_states(64, len(self.model.prior))
         self._newest_ns, self._fixed_ns = LONG_AGO_NS, 0
 
     @property
@@ -185,13 +185,13 @@ class FixedLagSmoother:
 
     def _admit(self, new: Rows, quiet_ns: int) -> np.ndarray:
         """Every bank takes ``new`` rows up to a surprise, not before ``quiet_ns``; (k,) TRACK of them."""
-        if len(new.t) > len(self._told.t):
-            self._told = gated.told(2 * len(new.t), len(self.model.prior))
-        told, now = self._told, self._now
-        count, k = now.best.admit(new, told, self._rule, quiet_ns)
-        track = self._head_track(told, k)
+        if len(new.t) > len(self._states.t):
+            self._states = gated.epoch_states(2 * len(new.t), len(self.model.prior))
+        states, now = self._states, self._now
+        count, k = now.best.admit(new, states, self._rule, quiet_ns)
+        track = self._head_track(states, k)
         same = Rows(*(column[:count] for column in new))
-        now.banks[0].admit_alternative(same, told, self._rule)
+        now.banks[0].admit_alternative(same, states, self._rule)
         without = [self._admit_without(bank, same, k) for bank in now.banks[1:]]
         protection.enter(track, [one and (one[0][:, :3], one[1][:, :3, :3]) for one in without])
         self._buffer.done += count
@@ -211,12 +211,12 @@ class FixedLagSmoother:
         """
         if bank.best is None:
             return None
-        told = self._told
-        bank.admit_alternative(rows, told, self._rule)
-        bank.best.admit(rows, told, self._rule, gated.NEVER_NS)
-        x = told.x[:k].copy()
+        states = self._states
+        bank.admit_alternative(rows, states, self._rule)
+        bank.best.admit(rows, states, self._rule, gated.NEVER_NS)
+        x = states.x[:k].copy()
         tracks.shifted(x, self._window.shift_s(x, bank.excluded))
-        return x, tracks.widened(told.P[:k, :6, :6].copy(), x, self._shift_variance)
+        return x, tracks.widened(states.P[:k, :6, :6].copy(), x, self._shift_variance)
 
     def _report_separation(self, track: np.ndarray, published: np.ndarray, without: list) -> None:
         """Once a cell: how far a state that is ``published`` would move without each of the sensors.
@@ -235,21 +235,21 @@ class FixedLagSmoother:
                 continue
             x, P = (part[at : at + 1] for part in one)
             if tracks.known(self.model, x, P)[0]:
-                told = protection.separation(track[at : at + 1], sensor, x[:, :3], P[:, :3, :3])
-                self._separations.append(told)
+                apart = protection.separation(track[at : at + 1], sensor, x[:, :3], P[:, :3, :3])
+                self._separations.append(apart)
 
-    def _head_track(self, told: gated.Told, k: int) -> np.ndarray:
+    def _head_track(self, states: gated.EpochStates, k: int) -> np.ndarray:
         """(k,) TRACK of the newest epochs."""
         track, bank = np.zeros(k, TRACK), self._now.banks[0]
         for i in range(k):
-            if told.fixed[i]:
-                self._fixed_ns = int(told.t[i])
+            if states.fixed[i]:
+                self._fixed_ns = int(states.t[i])
             track["fixed_ns"][i] = self._fixed_ns
-            x = told.x[i, :CORE]
-            track["x"][i] = self._correction(told.before_x[i], told.before_P[i], x, told.P[i])[:CORE]
-        track["t_ns"], track["P"] = told.t[:k], told.P[:k] + bank.spread
+            x = states.x[i, :CORE]
+            track["x"][i] = self._correction(states.before_x[i], states.before_P[i], x, states.P[i])[:CORE]
+        track["t_ns"], track["P"] = states.t[:k], states.P[:k] + bank.spread
         track["reset_counter"], track["ambiguous"] = self._now.reset_counter, bank.ambiguous(track["t_ns"])
-        return tracks.polished(track, self._window.shift_s(told.x[:k]), self._shift_variance)
+        return tracks.polished(track, self._window.shift_s(states.x[:k]), self._shift_variance)
 
     # ---- at its end
 

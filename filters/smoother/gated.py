@@ -32,8 +32,8 @@ STATUS, IGG, M1 = range(3)
 BY_STATUS = Rule(STATUS, 0.0, 0.0)
 
 
-class Told(NamedTuple):
-    """What happened epoch by epoch; arrays (e, …)."""
+class EpochStates(NamedTuple):
+    """The states epoch by epoch, predicted (``before``) and updated; arrays (e, …)."""
 
     t: np.ndarray  # ns
     fixed: np.ndarray  # bool, whether a row was used that ties the state down: no acceleration, no range rate
@@ -43,10 +43,10 @@ class Told(NamedTuple):
     P: np.ndarray  # (e, 9, 9)
 
 
-def told(epochs: int, n: int) -> Told:
+def epoch_states(epochs: int, n: int) -> EpochStates:
     """Room for so many ``epochs`` of ``n`` states."""
     f = np.zeros
-    return Told(
+    return EpochStates(
         f(epochs, "i8"), f(epochs, "?"), f((epochs, CORE)), f((epochs, CORE, CORE)), f((epochs, n)),
         f((epochs, CORE, CORE)),
     )  # fmt: skip
@@ -60,7 +60,7 @@ def admit(
 
     Where a row of an epoch looks wrong, those that agree best with the prediction go first and sharpen it
     for the rest: the sensors vote at the same instant. ``memory`` (s, 13, MEMORY) are the statuses so far,
-    see `status.filtered`. Rows of sensor ``excluded`` get no weight. What happened goes into ``to``, `Told`.
+    see `status.filtered`. Rows of sensor ``excluded`` get no weight. The states go into ``to``.
     Returns (rows taken, epochs, the surprise reached).
     """
     count, epoch, i = len(rows.t), 0, 0

@@ -101,7 +101,7 @@ class Hypothesis:
         """(n − 5,) the motion's ``psd`` (4,), and how large the slow errors are; see `motion.densities`."""
         return motion.densities(psd, self._factors)
 
-    def admit(self, new: Rows, told: gated.Told, rule: gated.Rule, quiet_ns: int) -> tuple[int, int]:
+    def admit(self, new: Rows, states: gated.EpochStates, rule: gated.Rule, quiet_ns: int) -> tuple[int, int]:
         """Take ``new`` rows at first sight until one surprises; (rows, epochs) taken.
 
         Nothing surprises before ``quiet_ns``."""
@@ -115,7 +115,7 @@ class Hypothesis:
         own.noise[:], own.regime[:] = self._noise(new), 0
         count, epochs, self.surprise = gated.admit(
             model, new, own, self._with_errors(self.psd), head.x, head.P, head.t_ns, head.memory,
-            self.excluded, rule, self.surprise, quiet_ns, space.room(1, 0), told, space.work,
+            self.excluded, rule, self.surprise, quiet_ns, space.room(1, 0), states, space.work,
         )  # fmt: skip
         self.own = Outcome(*(column[: size + count] for column in self._room))
         self.head = head._replace(t_ns=int(new.t[count - 1]))

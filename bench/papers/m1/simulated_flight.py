@@ -91,7 +91,7 @@ def m1_ukf(
     measured = np.zeros(3 * n, ROW)
     measured["t_ns"] = np.repeat(np.arange(1, n + 1) * round(step_s * 1e9), 3)
     measured["channel"], measured["value"] = np.tile([0, 1, 2], n), z.ravel()
-    rows, own, told = columns(about, measured), buffer.outcome(3 * n), gated.told(n, CORE)
+    rows, own, told = columns(about, measured), buffer.outcome(3 * n), gated.epoch_states(n, CORE)
     own.noise[:] = rows.stated
     gated.admit(
         about, rows, own, baselines.white_jerk(jerk_psd), x.copy(), P.copy(), 0, status.fresh_memory(1), -1,

@@ -32,7 +32,7 @@ def admit(
     memory = status.fresh_memory(len(model.is_ins)) if memory is None else memory
     own, n = outcome(len(rows.t)), len(x)
     own.noise[:] = rows.stated
-    told = gated.told(len(rows.t), n)
+    told = gated.epoch_states(len(rows.t), n)
     taken = gated.admit(
         model, rows, own, small.densities(model, factor=factor), x, P, t_ns, memory, excluded, rule,
         surprise, quiet_ns, passes.trace(1, n, 0), told, state.scratch(n),

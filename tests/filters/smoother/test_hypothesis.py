@@ -70,7 +70,7 @@ def test_rows_taken_one_by_one_or_together_are_judged_alike():
     """What was made of them lies in one place, which grows; a copy has its own."""
     one, rows, model = hypothesis(small.four())
     one.judged(outcome(0))
-    other, told = one.copy(), gated.told(len(rows.t), len(model.prior))
+    other, told = one.copy(), gated.epoch_states(len(rows.t), len(model.prior))
     one.admit(rows, told, gated.BY_STATUS, NEVER)
     for k in np.flatnonzero(np.diff(rows.t, prepend=-1)):
         epoch = Rows(*(column[rows.t == rows.t[k]] for column in rows))
@@ -226,7 +226,7 @@ def test_first_sight_then_the_window_end_in_the_same_state(slow):
     one, rows, model = hypothesis([sensor._replace(slow=slow) for sensor in small.four()])
     one.follow(np.array([[0.0, 1.0, -1.0, 2.0], one.slow[1]]))
     one.own = outcome(0)
-    told = gated.told(len(rows.t), len(model.prior))
+    told = gated.epoch_states(len(rows.t), len(model.prior))
     count, _ = one.admit(rows, told, gated.Rule(gated.IGG, np.inf, np.inf), NEVER)
     assert count == len(rows.t)
     x, P = one.head.x.copy(), one.head.P.copy()
