@@ -138,10 +138,10 @@ class Window:
             now.resets += (Reset(decided, bank.best.anchor.copy(), bank.reason),)
 
     def _take_turns(self, rows: Rows, *, due: bool) -> None:
-        """The banks without a sensor look at the window now and then, and where they are surprised."""
+        """The banks without a sensor look at the window in turn, and where they are surprised."""
         self.now.turn = (self.now.turn + due) % TURNS
-        turn = due and self.now.turn == 0
-        for bank in self.now.banks[1:]:
+        for k, bank in enumerate(self.now.banks[1:]):
+            turn = due and self.now.turn == k % TURNS
             if bank.best is None:
                 if turn:
                     bank.begin(rows, self.now.best.own.weight)

@@ -49,6 +49,23 @@ def test_where_neither_explains_the_window_waiting_does_not_help():
     assert not main.undecided
 
 
+def test_the_banks_without_a_sensor_take_turns(monkeypatch):
+    """All at once would be the longest wait for a state."""
+    one, looked, redecide = methods.make("default", SENSORS), [], Bank.redecide
+
+    def look(bank, *given):
+        looked.append(bank.excluded)
+        return redecide(bank, *given)
+
+    monkeypatch.setattr(Bank, "redecide", look)
+    one.step(small.fly(SENSORS, 6.0))  # all is well, so there are no surprises
+    turns = [k for k in looked if k >= 0]
+    for k in range(len(SENSORS)):
+        at = np.flatnonzero(np.array(turns) == k)
+        assert len(at) >= 2
+        assert (np.diff(at) == len(SENSORS)).all()
+
+
 def test_an_alternative_sees_the_same_rows_and_ends_where_they_are_decided():
     one = methods.make("default", SENSORS)
     rows = small.fly(SENSORS, 4.0)
