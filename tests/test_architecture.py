@@ -221,6 +221,20 @@ def test_public_functions_are_annotated():
     assert wrong == []
 
 
+def test_who_catches_everything_says_why():
+    """In the line itself: at such a boundary a mistake of ours is caught too."""
+    silent = []
+    for path in files(*PACKAGES, "tests"):
+        lines = path.read_text(encoding="utf-8").splitlines()
+        for node in ast.walk(tree(path)):
+            if isinstance(node, ast.ExceptHandler):
+                caught = ast.unparse(node.type) if node.type else ""
+                broad = not caught or {"Exception", "BaseException"} & set(re.findall(r"\w+", caught))
+                if broad and "#" not in lines[node.lineno - 1]:
+                    silent.append(f"{place(path)}:{node.lineno}")
+    assert silent == []
+
+
 def test_commands_start_light():
     """What a command may not need is imported late: these cost seconds."""
     heavy = {"torch", "viser", "zenoh", "numba", "filterpy", "pymavlink", "pymap3d"}

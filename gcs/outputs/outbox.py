@@ -40,8 +40,8 @@ class Outbox:
             while due:
                 try:
                     self._send(*due.popleft())
-                except BaseException:
-                    with self._filled:  # what comes after the one that could not be sent still can
+                except BaseException:  # raised again; the messages after this one still go out
+                    with self._filled:
                         due.extend(self._waiting)
                         self._waiting = due
                     raise

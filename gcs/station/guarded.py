@@ -47,7 +47,7 @@ class GuardedSink:
     def close(self, summary: dict, best: np.ndarray) -> None:
         try:
             self._sink.close(summary, best)
-        except Exception as error:
+        except Exception as error:  # one sink's end must not cost the others theirs
             self.backoff.fail()
             self._aside = True
             log.exception("%s could not be ended: %s", self.name, brief(error))
@@ -120,7 +120,7 @@ class Relay:
         try:
             self._now.finish()
             best = self._now.smooth()
-        except Exception as error:
+        except Exception as error:  # it has failed before: whatever its state is, its successor begins
             log.exception("the best estimate before the failure is lost: %s", brief(error))
             return np.zeros(0, TRACK)
         best["reset_counter"] += self._resets

@@ -49,7 +49,7 @@ def hunt_logs(args: argparse.Namespace, _: str) -> int:
         with tempfile.TemporaryDirectory() as folder:
             try:
                 found = logs.problems(of, Path(folder), beside if of.log.name == "sample" else None)
-            except Exception:
+            except Exception:  # whatever a damaged log raises is a finding
                 found = [traceback.format_exc()]
         signal.setitimer(signal.ITIMER_PROF, 0.0)
         if found:
@@ -69,7 +69,7 @@ def hunt_feeds(args: argparse.Namespace, what: str) -> int:
         signal.setitimer(signal.ITIMER_PROF, HUNG_S)
         try:
             found = feeds.TARGETS[what].wrong(data)
-        except Exception:
+        except Exception:  # whatever a damaged input raises is a finding
             found = traceback.format_exc()
         signal.setitimer(signal.ITIMER_PROF, 0.0)
         slowest = max(slowest, (time.monotonic() - started, seed))
