@@ -41,7 +41,7 @@ def _compile() -> None:
     from filters import methods
     from filters.correction.correction import Correction, Network
     from filters.models.rows import CHANNELS, ROW, Sensor
-    from filters.screening.witness import Witness
+    from filters.screening.channels import ChannelScreening
     from filters.wind.wind import WindEstimator
 
     every = np.ones(len(CHANNELS))
@@ -49,7 +49,7 @@ def _compile() -> None:
         Sensor("ins", "ins", every),
         Sensor("theodolite", "theodolite", every, estimate=("bias", "clock")),
     ]
-    Witness(sensors).doubts(np.zeros(1, ROW))
+    ChannelScreening(sensors).doubts(np.zeros(1, ROW))
     wind, level, ahead = WindEstimator(), np.zeros(3), np.array([20.0, 0.0, 0.0])
     for t_ns in (0, 100_000_000):
         wind.step(t_ns, 20.0, level, ahead)

@@ -168,7 +168,7 @@ class AlignSection(Section, frozen=True):
 class ScreeningSection(Section, frozen=True):
     """Each raw channel watched alone."""
 
-    on: Annotated[bool, Meta(description="a witness in the record beside the estimator, no judge")] = True
+    on: Annotated[bool, Meta(description="doubts go into the record and change no verdict")] = True
 
 
 class FilterSection(Section, frozen=True):

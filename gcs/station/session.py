@@ -1,6 +1,6 @@
 """The loop, the same for live and replay.
 
-measurements → intake → align → witness, estimator → air → ledger → sinks
+measurements → intake → align → screening, estimator → air → ledger → sinks
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -15,7 +15,7 @@ from filters.correction.correction import off
 from filters.models.rows import SEPARATION, Step
 from filters.models.settings import Settings
 from filters.models.store import InMemory, Keep
-from filters.screening.witness import Nobody, Witness
+from filters.screening.channels import ChannelScreening, NoScreening
 from filters.smoother import status
 from gcs import __version__
 from gcs.contract import limits
@@ -83,7 +83,7 @@ class Session:
             "filter": {name: None if value != value else value for name, value in settings._asdict().items()},
             "station": msgspec.to_builtins(station),
         }
-        self.witness = Witness(self.sensors) if station.screening.on else Nobody()
+        self.screening = ChannelScreening(self.sensors) if station.screening.on else NoScreening()
         self.air = Air()
         self.sinks = list(sinks)
         self._judged: list[np.ndarray] = []
@@ -118,7 +118,7 @@ class Session:
                 repeats, "duplicate", self.ledger.reason("this channel already has a value at this time")
             )
         )
-        self.ledger.doubt(rows["id"][self.witness.doubts(rows)])  # each channel by itself
+        self.ledger.doubt(rows["id"][self.screening.doubts(rows)])  # each channel by itself
         step = self._estimate(rows)  # state and verdicts
         track, told = self.air.step(step.track, upto_ns)  # wind, or dead reckoning
         track = self._told_only(track)

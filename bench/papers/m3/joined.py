@@ -2,7 +2,7 @@
 
 The paper's record, flown: the range with its outliers comes from a radar that also measures azimuth and
 elevation, without outliers. The filter has no other sensor. ``either`` joins it with our screening,
-``witness`` with the five-point one that watches every channel in the main job.
+``five_point`` with the one that watches every channel in the main job.
 """
 
 from typing import NamedTuple
@@ -12,8 +12,8 @@ import numpy as np
 from bench.papers.m3 import screening
 from filters import methods
 from filters.models.rows import AZIMUTH, ELEVATION, ISOLATED, PATCH, RANGE, ROW, Sensor
+from filters.screening.channels import ChannelScreening
 from filters.screening.screening import OUTLIER
-from filters.screening.witness import Witness
 from filters.simulation import simulate
 
 ANGLE_RAD = np.radians(0.05)
@@ -25,7 +25,7 @@ class Joined(NamedTuple):
     screening: tuple[float, float, float]
     trajectory: tuple[float, float, float]
     either: tuple[float, float, float]
-    witness: tuple[float, float, float]
+    five_point: tuple[float, float, float]
 
 
 def joined(
@@ -47,7 +47,7 @@ def joined(
     refused = np.zeros(len(rows), bool)
     refused[verdicts["id"]] = np.isin(verdicts["verdict"], (ISOLATED, PATCH))
     own = rows["channel"] == RANGE
-    refused, watched = refused[own], Witness([sensor]).doubts(rows)[own]
+    refused, watched = refused[own], ChannelScreening([sensor]).doubts(rows)[own]
     doubted = screening.screened(made, screening.OURS).flag[np.isfinite(made.values)] == OUTLIER
     judged = doubted, refused, doubted | refused, watched | refused
     return Joined(*(_score(found, label) for found in judged))

@@ -48,7 +48,7 @@ def _joined(found: dict) -> Line:
         "asked for, not done",
         _said((0, false, isolated, in_runs)),
         f"the trajectory filter alone {_said((0, *found['trajectory']))}; "
-        f"joined with the main job's five-point screening {_said((0, *found['witness']))}",
+        f"joined with the main job's five-point screening {_said((0, *found['five_point']))}",
         f"≥ {JOINED:.0%} in runs",
         in_runs >= JOINED,
         ONE_NOISE,

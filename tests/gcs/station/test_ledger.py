@@ -113,7 +113,7 @@ def test_thousands_of_reasons(ledger):
     assert ledger.reasons[last] == "line 99999"
 
 
-def test_a_second_witness_is_heard_in_the_reason_and_changes_no_verdict(intake, ledger):
+def test_screening_is_named_in_the_reason_and_changes_no_verdict(intake, ledger):
     rows, _ = intake.enter(intake.polar("theo", shots((1, 500.0, 10.0, 20.0))))
     verdicts = np.zeros(3, VERDICT)
     verdicts["id"], verdicts["reason"], verdicts["final"] = rows["id"], [1, 1, 0], True

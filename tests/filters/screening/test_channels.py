@@ -1,4 +1,4 @@
-"""The witness watches every channel of a mixed stream as `screening` would watch it alone."""
+"""Screening judges every channel of a mixed stream as `screening` would judge it alone."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,7 @@ import pytest
 from bench import cases, scene
 from filters.models.rows import AZIMUTH
 from filters.screening import screening
-from filters.screening.witness import Nobody, Witness
+from filters.screening.channels import ChannelScreening, NoScreening
 from filters.simulation import simulate
 
 pytestmark = pytest.mark.decision
@@ -20,7 +20,7 @@ def flight():
 
 
 def test_each_channel_is_judged_as_if_alone(flight):
-    doubted = Witness(flight.sensors).doubts(flight.rows)
+    doubted = ChannelScreening(flight.sensors).doubts(flight.rows)
     t_s = (flight.rows["t_ns"] - flight.rows["t_ns"][0]) * 1e-9
     for s, sensor in enumerate(flight.sensors):
         for c in np.flatnonzero(sensor.sigma > 0):
@@ -35,13 +35,13 @@ def test_each_channel_is_judged_as_if_alone(flight):
 
 
 def test_pieces_do_not_matter(flight):
-    whole, parts = Witness(flight.sensors), Witness(flight.sensors)
+    whole, parts = ChannelScreening(flight.sensors), ChannelScreening(flight.sensors)
     found = [parts.doubts(part) for part in np.array_split(flight.rows, 700)]
     assert np.array_equal(np.concatenate(found), whole.doubts(flight.rows))
 
 
 def test_it_doubts_outliers_rather_than_good_values(flight):
-    doubted = Witness(flight.sensors).doubts(flight.rows)
+    doubted = ChannelScreening(flight.sensors).doubts(flight.rows)
     watched = flight.rows["sensor"] > 0
     isolated = watched & (flight.labels == simulate.ISOLATED) & (flight.off_sigma > 12)
     assert doubted[isolated].mean() > 0.8
@@ -49,12 +49,12 @@ def test_it_doubts_outliers_rather_than_good_values(flight):
 
 
 def test_late_rows_are_not_judged(flight):
-    witness = Witness(flight.sensors)
-    witness.doubts(flight.rows)
+    channels = ChannelScreening(flight.sensors)
+    channels.doubts(flight.rows)
     late = flight.rows[-500:-400].copy()
     late["value"] += 1e4
-    assert not witness.doubts(late).any()
+    assert not channels.doubts(late).any()
 
 
-def test_nobody_doubts_nothing(flight):
-    assert not Nobody().doubts(flight.rows).any()
+def test_no_screening_doubts_nothing(flight):
+    assert not NoScreening().doubts(flight.rows).any()

@@ -1,4 +1,4 @@
-"""Every raw channel of the instruments screened alone, as a witness: what it doubts, before any trajectory.
+"""Every raw channel of the instruments screened alone: what its own past makes doubtful, no trajectory.
 
 One `screening` state per sensor and channel, stepped row by row. It never changes a value: the estimator
 judges, and the record tells where both agree.
@@ -14,7 +14,7 @@ from filters.screening import screening
 from filters.screening.screening import OUTLIER, ChannelState, Thresholds, step
 
 
-class Witness:
+class ChannelScreening:
     """Watches rows in order of time; one that comes after a newer one of its channel is not judged."""
 
     def __init__(self, sensors: Sequence[Sensor]):
@@ -48,8 +48,8 @@ class Witness:
         return out
 
 
-class Nobody:
-    """No witness."""
+class NoScreening:
+    """Doubts nothing."""
 
     def doubts(self, rows: np.ndarray) -> np.ndarray:
         return np.zeros(len(rows), np.bool_)
