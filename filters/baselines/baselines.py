@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from filters.baselines.interacting import REASONS, Followed, Mind, follow
+from filters.baselines.interacting import REASONS, Followed, Mixture, follow
 from filters.models import motion
 from filters.models import state as models
 from filters.models.motion import CORE
@@ -58,7 +58,7 @@ class Baseline:
         self._psds = np.stack([motion.densities(factor * psd, usual) for factor in factors])
         self._imq = imq
         self._waiting = np.zeros(0, ROW)
-        self._mind: Mind | None = None
+        self._mixture: Mixture | None = None
         self._newest_ns = self._now_ns = np.iinfo(np.int64).min
         self._stretches: list[Stretch] = []
         self._resets: list[dict] = []
@@ -78,10 +78,10 @@ class Baseline:
         rows = rows[~late]
         self._newest_ns = max(self._newest_ns, rows["t_ns"].max(initial=self._newest_ns))
         while True:
-            if self._mind is None:
+            if self._mixture is None:
                 self._waiting = np.concatenate([self._waiting, rows])
                 verdicts.append(self._begin())
-                if self._mind is None:
+                if self._mixture is None:
                     break
                 rows, self._waiting = self._waiting, self._waiting[:0]
             if not len(rows):
@@ -121,7 +121,7 @@ class Baseline:
 
     def report(self) -> dict:
         """As `FixedLagSmoother.report`."""
-        x, P = (self._mind.x[0], self._mind.P[0]) if self._mind else (np.zeros(0), np.zeros((0, 0)))
+        x, P = (self._mixture.x[0], self._mixture.P[0]) if self._mixture else (np.zeros(0), np.zeros((0, 0)))
         return reports.report(self.sensors, self.model, x, P, self._tally, self._resets)
 
     def _begin(self) -> np.ndarray:
@@ -146,23 +146,23 @@ class Baseline:
         m = len(self._psds)
         self._stretches.append(Stretch(x, P, [], []))
         many = (np.repeat(part[None], m, axis=0) for part in (x, P))
-        self._mind = Mind(*many, np.full(m, 1.0 / m), np.array([t_ns, 0]))
+        self._mixture = Mixture(*many, np.full(m, 1.0 / m), np.array([t_ns, 0]))
         self._now_ns = t_ns
 
     def _follow(self, new: np.ndarray) -> tuple[int, np.ndarray, np.ndarray]:
         """Filter ``new`` (k,) ROW until the lock is lost: (rows taken, their TRACK, their VERDICT)."""
         rows, n, k = columns(self.model, new, self._height[0]), len(self.model.prior), len(new)
-        told = Followed(*np.zeros((4, k)), np.zeros((k, n)), np.zeros((k, n, n)))
+        judged = Followed(*np.zeros((4, k)), np.zeros((k, n)), np.zeros((k, n, n)))
         count, epochs, lost = follow(
-            self.model, rows, self._now_ns, self._psds, self._imq, self._mind, told, passes.trace(1, n, 1),
-            models.scratch(n),
+            self.model, rows, self._now_ns, self._psds, self._imq, self._mixture, judged,
+            passes.trace(1, n, 1), models.scratch(n),
         )  # fmt: skip
         number = len(self._stretches) - 1
         if lost:
             self._resets.append({"t_ns": int(rows.t[count]), "reason": REASONS[lost]})
-            self._mind = None
+            self._mixture = None
         done = buffer.Rows(*(column[:count] for column in rows))
-        weight = told.weight[:count]
+        weight = judged.weight[:count]
         verdicts = np.zeros(count, VERDICT)
         if count:
             self._now_ns = int(done.t[-1])
@@ -170,15 +170,15 @@ class Baseline:
             self._stretches[-1].weight.append(weight)
             where, used = (done.sensor, done.channel), weight >= 0.5
             np.add.at(self._tally[..., 0], where, used)
-            np.add.at(self._tally[..., 1], where, np.where(used, told.nis[:count], 0.0))
+            np.add.at(self._tally[..., 1], where, np.where(used, judged.nis[:count], 0.0))
             np.add.at(self._tally[..., 2], where, ~used)
             verdicts["id"], verdicts["final"] = new["id"][:count], True
-            verdicts["weight"], verdicts["sigma"] = weight, told.sigma[:count]
-            verdicts["predicted"] = done.value - told.residual[:count]
+            verdicts["weight"], verdicts["sigma"] = weight, judged.sigma[:count]
+            verdicts["predicted"] = done.value - judged.residual[:count]
             verdicts["verdict"] = np.where(used, USED, DEWEIGHTED)
             verdicts["reason"] = np.where(used, status.NONE, status.INNOVATION)
         last = np.flatnonzero(np.diff(done.t, append=done.t[-1:] + 1))
-        return count, publish(done.t[last], told.x[:epochs], told.P[:epochs], number), verdicts
+        return count, publish(done.t[last], judged.x[:epochs], judged.P[:epochs], number), verdicts
 
 
 def columns(model: models.Model, rows: np.ndarray, height_m: float = np.nan) -> buffer.Rows:

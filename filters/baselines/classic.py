@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from filters.baselines.baselines import Baseline, columns, publish
-from filters.baselines.interacting import LOST, LOST_NS, LOST_ROWS, REASONS, SILENT, SILENT_NS, Mind
+from filters.baselines.interacting import LOST, LOST_NS, LOST_ROWS, REASONS, SILENT, SILENT_NS, Mixture
 from filters.models import motion, radar, theodolite
 from filters.models import state as models
 from filters.models.motion import CORE
@@ -54,7 +54,7 @@ class ClassicUkf(Baseline):
 
     def _follow(self, new: np.ndarray) -> tuple[int, np.ndarray, np.ndarray]:
         """Filter ``new`` (k,) ROW until the lock is lost: (rows taken, their TRACK, their VERDICT)."""
-        rows, kf, lock = columns(self.model, new, self._height[0]), self._kf, self._mind.lock
+        rows, kf, lock = columns(self.model, new, self._height[0]), self._kf, self._mixture.lock
         residual, sigma = np.zeros((2, len(new)))
         first, count, lost = len(self._epochs[-1]), len(new), 0
         for i, t in enumerate(rows.t):
@@ -76,10 +76,10 @@ class ClassicUkf(Baseline):
                 lock[:] = (t, 0) if believed else (lock[0], lock[1] + 1)
             if i + 1 == len(rows.t) or rows.t[i + 1] != t:
                 self._epochs[-1].append((int(t), kf.x.copy(), kf.P.copy()))
-        self._mind = Mind(kf.x[None], kf.P[None], np.ones(1), lock)
+        self._mixture = Mixture(kf.x[None], kf.P[None], np.ones(1), lock)
         if lost:
             self._resets.append({"t_ns": int(rows.t[min(count, len(new) - 1)]), "reason": WHY[lost]})
-            self._mind = None
+            self._mixture = None
         track = _stacked(self._epochs[-1][first:], len(self._epochs) - 1)
         return count, track, self._judge(new[:count], rows.value[:count], residual[:count], sigma[:count])
 

@@ -20,7 +20,7 @@ LOST, SILENT = 1, 2
 REASONS = {LOST: "no position believed for 2 s", SILENT: "nothing heard of its place for 10 s"}
 
 
-class Mind(NamedTuple):
+class Mixture(NamedTuple):
     """m filters side by side and how much each is believed."""
 
     x: np.ndarray  # (m, n)
@@ -41,8 +41,8 @@ class Followed(NamedTuple):
 
 
 @njit(cache=True)
-def follow(model, rows, t_ns, psds, imq, mind, told, out, work):
-    """Filter rows (k,) from ``mind`` at ``t_ns``, in place, until the lock is lost; fills ``told``.
+def follow(model, rows, t_ns, psds, imq, mixture, judged, out, work):
+    """Filter rows (k,) from ``mixture`` at ``t_ns``, in place, until the lock is lost; fills ``judged``.
 
     Returns (rows taken, epochs, why it ended early: LOST, SILENT or 0).
     """
@@ -50,38 +50,40 @@ def follow(model, rows, t_ns, psds, imq, mind, told, out, work):
     for i in range(len(rows.t)):
         position = rows.channel[i] < VE and rows.channel[i] != RANGE_RATE
         if i == 0 or rows.t[i] != t_ns:
-            silence = rows.t[i] - mind.lock[0]
-            if silence > LOST_NS and mind.lock[1] >= LOST_ROWS:
+            silence = rows.t[i] - mixture.lock[0]
+            if silence > LOST_NS and mixture.lock[1] >= LOST_ROWS:
                 return i, epoch, LOST
             if silence > SILENT_NS:
                 return i, epoch, SILENT
             dt = (rows.t[i] - t_ns) * 1e-9
-            mix(mind, dt)
+            mix(mixture, dt)
             for k in range(len(psds)):
-                motion.predict(mind.x[k], mind.P[k], dt, psds[k], model.rate, model.prior)
+                motion.predict(mixture.x[k], mixture.P[k], dt, psds[k], model.rate, model.prior)
             evidence[:] = 0.0
             t_ns = rows.t[i]
         noise = rows.stated[i]
         for k in range(len(psds)):
-            chance = mind.chance[k]
-            v, variance = models.predict_row(model, rows, i, mind.x[k], mind.P[k], psds[k], out, 0, work)
+            chance = mixture.chance[k]
+            v, variance = models.predict_row(
+                model, rows, i, mixture.x[k], mixture.P[k], psds[k], out, 0, work
+            )
             u2 = v * v / (variance + noise)
             w = _imq(v * v / noise) if imq else _huber(u2)
             S = variance + noise / w
-            update(mind.x[k], mind.P[k], out.m[0], v, S)
+            update(mixture.x[k], mixture.P[k], out.m[0], v, S)
             evidence[k] -= 0.5 * (v * v / S + np.log(S))
-            told.weight[i] += chance * w
-            told.residual[i] += chance * v
-            told.sigma[i] += chance * np.sqrt(variance + noise)
-            told.nis[i] += chance * u2
-        if position and told.weight[i] >= BELIEVED:
-            mind.lock[0], mind.lock[1] = t_ns, 0
+            judged.weight[i] += chance * w
+            judged.residual[i] += chance * v
+            judged.sigma[i] += chance * np.sqrt(variance + noise)
+            judged.nis[i] += chance * u2
+        if position and judged.weight[i] >= BELIEVED:
+            mixture.lock[0], mixture.lock[1] = t_ns, 0
         elif position:
-            mind.lock[1] += 1
+            mixture.lock[1] += 1
         if i + 1 == len(rows.t) or rows.t[i + 1] != t_ns:
-            mind.chance[:] *= np.exp(evidence - evidence.max())
-            mind.chance[:] /= mind.chance.sum()
-            blend(mind, mind.chance, told.x[epoch], told.P[epoch])
+            mixture.chance[:] *= np.exp(evidence - evidence.max())
+            mixture.chance[:] /= mixture.chance.sum()
+            blend(mixture, mixture.chance, judged.x[epoch], judged.P[epoch])
             epoch += 1
     return len(rows.t), epoch, 0
 
@@ -97,26 +99,26 @@ def _huber(u2):
 
 
 @njit(cache=True)
-def mix(mind, dt):
+def mix(mixture, dt):
     """Each filter begins from what all of them may have become in ``dt`` seconds, in place."""
-    m = len(mind.chance)
+    m = len(mixture.chance)
     if m == 1:
         return
     leave = 0.5 - 0.5 * np.exp(-2.0 * dt / STAY_S)
-    before = Mind(mind.x.copy(), mind.P.copy(), mind.chance.copy(), mind.lock)
+    before = Mixture(mixture.x.copy(), mixture.P.copy(), mixture.chance.copy(), mixture.lock)
     for j in range(m):
         share = before.chance * leave / (m - 1)
         share[j] = before.chance[j] * (1.0 - leave)
-        mind.chance[j] = share.sum()
-        blend(before, share / share.sum(), mind.x[j], mind.P[j])
+        mixture.chance[j] = share.sum()
+        blend(before, share / share.sum(), mixture.x[j], mixture.P[j])
 
 
 @njit(cache=True)
-def blend(mind, share, x, P):
+def blend(mixture, share, x, P):
     """Mean and covariance of the mixture, in place of ``x`` (n,), ``P`` (n, n)."""
     x[:], P[:] = 0.0, 0.0
     for k in range(len(share)):
-        x += share[k] * mind.x[k]
+        x += share[k] * mixture.x[k]
     for k in range(len(share)):
-        off = mind.x[k] - x
-        P += share[k] * (mind.P[k] + np.outer(off, off))
+        off = mixture.x[k] - x
+        P += share[k] * (mixture.P[k] + np.outer(off, off))

@@ -100,35 +100,20 @@ def test_wolf_is_the_textbook_filter_with_more_noise(channel, off_sigma):
     weight = 1.0 / (1.0 + (v / (interacting.IMQ_SIGMAS * sigma)) ** 2)
     noisier = used[0]._replace(sigma=used[0].sigma / np.sqrt(weight))
     expected_x, expected_P, *_ = full_ukf.update(x, P, noisier, channel, measured)
-    mind = interacting.Mind(x[None].copy(), P[None].copy(), np.ones(1), np.zeros(2, np.int64))
-    found = update(baselines.make("wolf", used, Settings()).model, mind, channel, measured)
+    mixture = interacting.Mixture(x[None].copy(), P[None].copy(), np.ones(1), np.zeros(2, np.int64))
+    found = update(baselines.make("wolf", used, Settings()).model, mixture, channel, measured)
     assert found == pytest.approx(weight)
-    assert np.allclose(mind.x[0], expected_x, rtol=0, atol=1e-9)
-    assert np.allclose(mind.P[0], expected_P, rtol=0, atol=1e-9)
+    assert np.allclose(mixture.x[0], expected_x, rtol=0, atol=1e-9)
+    assert np.allclose(mixture.P[0], expected_P, rtol=0, atol=1e-9)
 
 
-def update(model, mind, channel, measured):
+def update(model, mixture, channel, measured):
     """Take in one value at the same instant, in place; returns its weight."""
     row = np.zeros(1, ROW)
     row["channel"], row["value"] = channel, measured
-    told = interacting.Followed(*np.zeros((4, 1)), np.zeros((1, 9)), np.zeros((1, 9, 9)))
+    judged = interacting.Followed(*np.zeros((4, 1)), np.zeros((1, 9)), np.zeros((1, 9, 9)))
     interacting.follow(
-        model, baselines.columns(model, row), 0, np.array([[1.0, 1.0, 0.0, 0.0]]), True, mind, told,
+        model, baselines.columns(model, row), 0, np.array([[1.0, 1.0, 0.0, 0.0]]), True, mixture, judged,
         passes.trace(1, 9, 1), models.scratch(9),
     )  # fmt: skip
-    return told.weight[0]
-
-
-def test_blend_keeps_mean_and_spread():
-    """Against samples drawn from the mixture."""
-    rng = np.random.default_rng(5)
-    mind = interacting.Mind(
-        np.array([[0.0, 1.0], [3.0, -1.0]]), np.array([np.eye(2), 4 * np.eye(2)]), np.ones(2),
-        np.zeros(2, np.int64),
-    )  # fmt: skip
-    share, x, P = np.array([0.3, 0.7]), np.zeros(2), np.zeros((2, 2))
-    interacting.blend(mind, share, x, P)
-    which = (rng.random(200_000) < share[1]).astype(int)
-    drawn = mind.x[which] + rng.normal(size=(200_000, 2)) * np.array([1.0, 2.0])[which, None]
-    assert np.allclose(x, drawn.mean(axis=0), atol=0.02)
-    assert np.allclose(P, np.cov(drawn.T), atol=0.06)
+    return judged.weight[0]
