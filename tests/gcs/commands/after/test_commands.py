@@ -31,18 +31,15 @@ def written(tmp_path):
 
 
 @pytest.mark.slow
-def test_the_sample_flight_from_its_log_to_its_report_and_truth(gcs, tmp_path):
+def test_the_sample_flight_from_its_log_to_its_report_and_truth(gcs, sample_run, tmp_path):
     """All clocks float: the common one is off by some 30 ms, nearly all of the error; sigma says so."""
-    feeds = [f"{name}={SAMPLE / name}.csv" for name in ("theo-north", "theo-east", "radar-1")]
-    out = tmp_path / "flown"
-    options = ("--station", SAMPLE / "station.toml", "--out", out, "--feed", *feeds)
-    assert gcs("replay", SAMPLE / "flight.tlog", *options)[0] == 0
-    assert gcs("report", out, "--tolerance-h", 2)[0] == 0
-    page = (out / "report.html").read_text(encoding="utf-8")
+    file = tmp_path / "report.html"
+    assert gcs("report", sample_run, "--tolerance-h", 2, "--out", file)[0] == 0
+    page = file.read_text(encoding="utf-8")
     digest = hashlib.sha256((SAMPLE / "radar-1.csv").read_bytes()).hexdigest()
     for said in ("Not within tolerance", "No clock is taken as right", "theo-east is silent", digest):
         assert said in page, said
-    code, said = gcs("compare", out, SAMPLE / "truth.csv")
+    code, said = gcs("compare", sample_run, SAMPLE / "truth.csv")
     assert code == 0
     (rms,) = [float(line.split()[2]) for line in said.splitlines() if line.startswith("horizontal  ")]
     assert 0.3 < rms < 1.5
