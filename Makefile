@@ -3,6 +3,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
+NUMBERS := tests/bench tests/filters
 QUICK := not slow and not network and not torch and not browser
 
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
@@ -11,16 +12,28 @@ SUPPLY := .venv/supply/bin
 COMPILE := $(SUPPLY)/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --only-binary :all: \
     --no-annotate --custom-compile-command "make lock"
 
-.PHONY: demo test check bench format wheel lock sbom audit fuzz clean
+.PHONY: demo test style compiled numbers rest plain check bench format wheel lock sbom audit fuzz clean
 
 demo: .venv/core
 	$(BIN)/gcs demo
 
-test: .venv/test
+test: style compiled plain rest numbers   # one after the other, or side by side with `make --jobs 2 test`
+
+style: .venv/test
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
-	$(BIN)/python -m pytest
+
+compiled: .venv/test   # the filter, once, before two need it
+	$(BIN)/python -c 'from gcs.commands.compiled import prepare; prepare()'
+
+numbers: compiled   # the two halves of the whole suite
+	$(BIN)/python -m pytest $(NUMBERS)
+
+rest: compiled
+	$(BIN)/python -m pytest $(NUMBERS:%=--ignore %) tests
+
+plain: .venv/test   # the logic of decisions without numba
 	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -m 'decision and not slow and not compiled'
 
 check: .venv/check

@@ -2,6 +2,7 @@
 
 import os
 
+import numba
 import pytest
 
 from gcs.commands.compiled import prepare
@@ -10,7 +11,8 @@ MAY_MISS = "shared/data"
 
 
 def pytest_sessionstart():
-    prepare()
+    if not numba.config.DISABLE_JIT:  # else there is nothing to compile
+        prepare()
 
 
 @pytest.hookimpl(trylast=True)
