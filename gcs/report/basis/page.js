@@ -1,10 +1,12 @@
 "use strict";
 // Draws the figures one after the other, those in sight first, in the colours of the page; keeps their time
-// axes together; plays the flight in the 3-D picture. Before printing everything is drawn, in the colours of paper.
+// axes together; plays the flight in the 3-D picture. Before printing everything is drawn, in the colours of paper
+// and as wide as it: the page is laid out for paper only afterwards, and a figure as wide as the screen is cut there.
 const plots = [...document.querySelectorAll(".plot")];
 const drawn = new Set();
 const dark = window.matchMedia("(prefers-color-scheme: dark)");
 const config = { responsive: true, displaylogo: false, modeBarButtonsToRemove: ["lasso2d", "select2d"] };
+const PAPER = 680, TALL = 920, FLAT = 0.7; // px: A4 inside the margins of page.css; a narrower figure is less high
 let printing = false;
 let following = false; // a figure is being moved by another one
 
@@ -89,7 +91,14 @@ function rest() {
   if (next) { draw(next); setTimeout(rest, 30); } else document.body.dataset.drawn = "all";
 }
 window.addEventListener("load", () => setTimeout(rest, 300));
-function repaint() { for (const plot of drawn) { Plotly.relayout(plot, colours(plot.layout)); Plotly.Plots.resize(plot); } }
+function repaint() { for (const plot of drawn) Plotly.relayout(plot, colours(plot.layout)); }
+function fit(plot) {
+  const screen = Number(plot.dataset.height);
+  const height = printing ? Math.min(FLAT * screen, TALL) : screen;
+  Object.assign(plot.style, { width: printing ? `${PAPER}px` : "", height: `${height}px` });
+  Plotly.relayout(plot, printing ? { width: PAPER, height } : { width: null, height: null, autosize: true });
+}
+function print(now) { printing = now; plots.forEach(draw); repaint(); plots.forEach(fit); }
 dark.addEventListener("change", repaint);
-window.addEventListener("beforeprint", () => { printing = true; plots.forEach(draw); repaint(); });
-window.addEventListener("afterprint", () => { printing = false; repaint(); });
+window.addEventListener("beforeprint", () => print(true));
+window.addEventListener("afterprint", () => print(false));

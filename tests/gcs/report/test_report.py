@@ -16,6 +16,7 @@ from gcs.report.trust import Tolerance
 from tests.web import browser
 
 VOID = ("meta", "link", "br")
+PAPER_PX = 680.4, 1009.1  # A4 less 15 mm on each side, at 96 px an inch
 MISSING = [
     name
     for name, found in (
@@ -182,7 +183,7 @@ def test_zeros_that_were_measured_stay():
 @pytest.mark.browser
 @pytest.mark.skipif(bool(MISSING), reason=f"needs {' and '.join(MISSING)}")
 def test_it_opens_without_any_network_and_plays(html, tmp_path):
-    """In Chromium without network: everything drawn, nothing asked for, both themes, the flight played."""
+    """In Chromium without network: all drawn, nothing asked for, both themes, paper, the flight played."""
     from playwright.sync_api import sync_playwright
 
     file = tmp_path / "report.html"
@@ -202,6 +203,14 @@ def test_it_opens_without_any_network_and_plays(html, tmp_path):
         light = tab.evaluate(ink)
         tab.emulate_media(color_scheme="dark")
         tab.wait_for_function(f"{ink} !== '{light}'")
+        sizes = "[...document.querySelectorAll('.plot')].map(({ _fullLayout: f }) => [f.width, f.height])"
+        on_screen = tab.evaluate(sizes)
+        tab.evaluate("window.dispatchEvent(new Event('beforeprint'))")
+        assert tab.evaluate(ink) == light
+        assert min(width for width, _ in on_screen) > PAPER_PX[0]
+        assert (np.array(tab.evaluate(sizes)) <= PAPER_PX).all()
+        tab.evaluate("window.dispatchEvent(new Event('afterprint'))")
+        tab.wait_for_function(f"JSON.stringify({sizes}) === '{json.dumps(on_screen, separators=(',', ':'))}'")
         slider = tab.get_by_label("time", exact=True)
         slider.fill("0")
         assert tab.locator(".replay output").inner_text() == "0.0 s"
