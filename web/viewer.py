@@ -259,8 +259,8 @@ class Viewer:
             self._time.seek(int(rows["t_ns"][found]))
 
     def _pick(self, claim: Claim) -> None:
-        told = others_then(self._flight.residuals, self._flight.claims.pending(), claim, NEAR_NS)
-        self._dock.pick(claim, picked.story(claim, told))
+        others = others_then(self._flight.residuals, self._flight.claims.pending(), claim, NEAR_NS)
+        self._dock.pick(claim, picked.story(claim, others))
         name, place_m = f"{self._flight.root}/outliers/picked", claim.position or (0, 0, 0)
         self._label = self._client.scene.add_label(name, f"{claim.kind} · {claim.sensor}", position=place_m)
 

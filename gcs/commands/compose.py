@@ -44,12 +44,12 @@ def open_bus(station: Station, **options: Any) -> "Bus":
 
 def until_stopped(stop: threading.Event) -> Callable[[str], bool]:
     """For a client of the bus: it waits for a router until ``stop``, and says so once."""
-    told = list[str]()
+    waiting = list[str]()
 
     def again(line: str) -> bool:
-        if not told:
+        if not waiting:
             say(f"{line}; waiting for it")
-            told.append(line)
+            waiting.append(line)
         return not stop.is_set()
 
     return again

@@ -65,23 +65,23 @@ def serve(
         shown = open_view(station, frame) if view else None
         if shown:
             stack.callback(shown.close)
-        outbox, told_all = Outbox(bus.publish), threading.Event()
+        outbox, finished = Outbox(bus.publish), threading.Event()
         send_to: list[Target] = [outbox, *targets(view=shown)]
         events = [partial(_send_event, target) for target in send_to]
         stack.enter_context(logbook.opened(folder, events))
         supervisor = stack.enter_context(Supervisor(stop))
-        supervisor.start("publisher", outbox.run, told_all)
-        stack.callback(told_all.set)  # after the session's last word
+        supervisor.start("publisher", outbox.run, finished)
+        stack.callback(finished.set)  # after the session's last word
         say("compiling the filter (once; cached for the next start)")
         feeds = live.BusFeeds(bus, station.sources, station.filter.lateness_s)
         recorder = RunRecorder(folder, station, frame, _log, _about(method, correction))
         stack.callback(recorder.end)
-        told = [*send_to, _note, recorder.target]
+        everyone = [*send_to, _note, recorder.target]
         monitor = Monitor(station.sources, feeds, supervisor.health)
         diary = Diary(folder, monitor, recorder.missing, recorder.note, recorder.put)
         keep = stack.enter_context(Scratch(folder, recorder.note)).keep
         records: list[Sink] = [diary, recorder]
-        session = new_session(station, frame, records, method, told, monitor, correction, keep)
+        session = new_session(station, frame, records, method, everyone, monitor, correction, keep)
         supervisor.others = session.supervise()
         introduce(bus, station, frame)
         if station.mavlink.link:

@@ -114,10 +114,10 @@ class SensorSection(Section, frozen=True):
     @property
     def latency_by_channel(self) -> dict[str, float]:
         """The known latency of each channel in s."""
-        told = self.latency_s
-        if isinstance(told, ChannelLatency):
-            return {channel_of(f): getattr(told, f) for f in ChannelLatency.__struct_fields__}
-        return {channel_of(f): told for f in ChannelLatency.__struct_fields__}
+        stated = self.latency_s
+        if isinstance(stated, ChannelLatency):
+            return {channel_of(f): getattr(stated, f) for f in ChannelLatency.__struct_fields__}
+        return {channel_of(f): stated for f in ChannelLatency.__struct_fields__}
 
 
 def channel_of(field: str) -> str:

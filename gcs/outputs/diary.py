@@ -47,9 +47,9 @@ class Diary:
         self._write([[header] for header in FILES.values()])
 
     def take(self, update: Update) -> None:
-        told = (*update.told, *self._monitor.take(update))
-        events = [f"{m.t_ns},{m.level},{quoted(m.text)}\n" for m in told if isinstance(m, Event)]
-        wind, errors = [_wind_line(m) for m in told if isinstance(m, Wind)], list[str]()
+        messages = (*update.told, *self._monitor.take(update))
+        events = [f"{m.t_ns},{m.level},{quoted(m.text)}\n" for m in messages if isinstance(m, Event)]
+        wind, errors = [_wind_line(m) for m in messages if isinstance(m, Wind)], list[str]()
         if len(update.track) and (now_ns := int(update.track["t_ns"][-1])) >= self._next_ns:
             self._next_ns = now_ns + PERIOD_NS
             errors = list(error_lines(now_ns, update.report()))
@@ -77,8 +77,8 @@ class Diary:
 
 def error_lines(t_ns: int, report: dict) -> Iterator[str]:
     """Lines of errors.csv, angles in degrees, of an estimator's report."""
-    for sensor, told in report.get("sensors", {}).items():
-        for name, error in told["errors"].items():
+    for sensor, own in report.get("sensors", {}).items():
+        for name, error in own["errors"].items():
             scale = math.degrees(1.0) if error["unit"] == "rad" else 1.0
             numbers = (scale * error[field] for field in ("value", "sigma", "prior_sigma"))
             yield f"{t_ns},{sensor},{name}," + ",".join(f"{number:.6g}" for number in numbers) + "\n"

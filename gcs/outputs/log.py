@@ -22,32 +22,32 @@ from gcs.outputs.disk import Beside
 
 PATIENCE_S = 3.0  # at the end, for lines that still wait for the disk
 FILE_BYTES, FILES = 2_000_000, 3  # of station.log and of each of its predecessors: 8 MB at most
-REPEAT_S = 10.0  # the same line is told the operator once in so long; the file has all of them
-TOLD = logging.getLogger("gcs.event")  # events on their way anyway: for the file alone
+REPEAT_S = 10.0  # the operator gets the same line once in so long; the file has all of them
+EVENTS = logging.getLogger("gcs.event")  # events on their way anyway: for the file alone
 LEVELS = {"info": logging.INFO, "warning": logging.WARNING, "error": logging.ERROR}
 
 
-class Tell(logging.Handler):
-    """Makes an event of each record; what fails in here is not told again."""
+class EventHandler(logging.Handler):
+    """Makes an event of each record; what fails in here makes none."""
 
     def __init__(self, send: Callable[[Event], None]):
         super().__init__(logging.INFO)
         self._send, self._busy = send, threading.local()
-        self._told: dict[str, float] = {}
+        self._sent_s: dict[str, float] = {}
 
     def emit(self, record: logging.LogRecord) -> None:
-        if record.name == TOLD.name or getattr(self._busy, "now", False):
+        if record.name == EVENTS.name or getattr(self._busy, "now", False):
             return
         text, now_s = record.getMessage(), time.monotonic()
-        if now_s - self._told.get(text, -REPEAT_S) < REPEAT_S:
+        if now_s - self._sent_s.get(text, -REPEAT_S) < REPEAT_S:
             return
-        self._told = {t: s for t, s in self._told.items() if now_s - s < REPEAT_S} | {text: now_s}
+        self._sent_s = {t: s for t, s in self._sent_s.items() if now_s - s < REPEAT_S} | {text: now_s}
         level = {logging.INFO: "info", logging.WARNING: "warning"}.get(record.levelno, "error")
         self._busy.now = True
         try:
             self._send(Event(t_ns=time.time_ns(), level=level, text=text))
         except Exception:  # the bus itself may be what is broken; the file still has it
-            TOLD.exception("could not be sent: %s", text)
+            EVENTS.exception("could not be sent: %s", text)
         finally:
             self._busy.now = False
 
@@ -90,7 +90,7 @@ def opened(folder: Path | None, targets: Sequence[Callable[[Event], None]]) -> I
         for target in targets:
             target(event)
 
-    handlers: list[logging.Handler] = [Tell(send)]
+    handlers: list[logging.Handler] = [EventHandler(send)]
     if folder is not None:
         file = _File(folder / "station.log", maxBytes=FILE_BYTES, backupCount=FILES, encoding="utf-8")
         form = logging.Formatter("%(asctime)s.%(msecs)03dZ %(levelname)s %(threadName)s: %(message)s")
@@ -113,8 +113,8 @@ def opened(folder: Path | None, targets: Sequence[Callable[[Event], None]]) -> I
 
 
 def note(event: Event) -> None:
-    """An event that is told anyway, into the file."""
-    TOLD.log(LEVELS.get(event.level, logging.WARNING), "%s", event.text)
+    """An event that is on its way anyway, into the file."""
+    EVENTS.log(LEVELS.get(event.level, logging.WARNING), "%s", event.text)
 
 
 def _uncaught(who: str, error: BaseException | None) -> None:

@@ -51,7 +51,7 @@ def _log_step(values: np.ndarray) -> int | str:
 
 
 def without_each(run: Run) -> Diagram | None:
-    """How far the live state would move without each of the sensors; None where that was not told."""
+    """How far the live state would move without each of the sensors; None where the run has none of it."""
     if not len(run.apart):
         return None
     figure, t = sheet(2, ["horizontal, m", "height, m"]), run.seconds(run.track["t_ns"])
@@ -60,9 +60,9 @@ def without_each(run: Run) -> Diagram | None:
         line(figure, t, level, "protection level, live", LIVE, row, dash="dot", connectgaps=False)
         shown = [level]
         for k in np.unique(run.apart["sensor"]).tolist():
-            told, sensor = run.apart[run.apart["sensor"] == k], run.sensors[k]
-            metres = np.maximum(told[f"{axis}_m"], LEAST_M)
-            t_ns, metres = _broken(told["t_ns"], metres)
+            own, sensor = run.apart[run.apart["sensor"] == k], run.sensors[k]
+            metres = np.maximum(own[f"{axis}_m"], LEAST_M)
+            t_ns, metres = _broken(own["t_ns"], metres)
             line(figure, run.seconds(t_ns), metres, f"without {sensor}", colour_of(sensor, run.sensors), row)
             shown.append(metres)
         figure.update_yaxes(type="log", dtick=_log_step(np.concatenate(shown)), row=row, col=1)

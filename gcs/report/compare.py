@@ -136,10 +136,10 @@ def consistency(found: Difference) -> Sheet:
     rows.append(["NEES, mean", *(number(float(np.mean((off**2).sum(axis=1)))) for off in both), "3"])
     sizes = np.hypot(*found.enu_m[:, :2].T), np.abs(found.enu_m[:, 2])
     for name, size, level in zip(("horizontal", "height"), sizes, found.protection_m.T, strict=True):
-        told = np.isfinite(level)
-        share = f"{100 * np.mean(size[told] > level[told]):.3f} % of {told.sum():,}" if told.any() else "–"
+        has = np.isfinite(level)
+        share = f"{100 * np.mean(size[has] > level[has]):.3f} % of {has.sum():,}" if has.any() else "–"
         rows.append(
-            [f"{name} beyond protection level", share, "–", "0.001 %" if told.any() else "none is told"]
+            [f"{name} beyond protection level", share, "–", "0.001 %" if has.any() else "there is none"]
         )
     exact = found.second.sigma_m is None
     note = (

@@ -88,13 +88,13 @@ def replay(run: Run) -> Diagram:
         f"{axis}axis": {"title": {"text": f"{name}, m"}, "range": [low[k], high[k]], "showbackground": False}
         for k, (axis, name) in enumerate(zip("xyz", "ENU", strict=True))
     }
-    told = {"t": np.round(run.seconds(t_ns), 2).tolist(), "trace": len(figure.data) - 1}
-    told |= {axis: where[:, k].tolist() for k, axis in enumerate("xyz")}
+    path = {"t": np.round(run.seconds(t_ns), 2).tolist(), "trace": len(figure.data) - 1}
+    path |= {axis: where[:, k].tolist() for k, axis in enumerate("xyz")}
     figure.update_layout(
         template=go.layout.Template(), paper_bgcolor="rgba(0,0,0,0)",
         margin={"l": 0, "r": 0, "t": 30, "b": 0},
         scene={"aspectmode": "data", "camera": {"eye": {"x": -0.9, "y": -1.5, "z": 0.9}}} | axes,
-        legend={"orientation": "h", "x": 0, "y": 1.0, "yanchor": "bottom"}, meta={"replay": told},
+        legend={"orientation": "h", "x": 0, "y": 1.0, "yanchor": "bottom"}, meta={"replay": path},
     )  # fmt: skip
     caption = (
         "Play, or drag the slider: the red point is the vehicle by the best estimate. Drag to turn the "
@@ -138,27 +138,27 @@ def ins_minus_fused(run: Run) -> Diagram | None:
     figure = sheet(3, ["along, m", "across, m", "up, m"])
     for row in range(3):
         line(figure, run.seconds(t_ns), away[:, row], "INS − best estimate", RAW, row + 1)
-    told = ", ".join(
+    medians = ", ".join(
         f"{name} {_median(away[:, k]):+.2f} m"
         for k, name in enumerate(("along", "across to the right", "up"))
     )
     caption = (
-        f"Medians: {told}. A difference along the course that grows with speed is a delay of the autopilot, "
-        "one that stays is its position or height error. There is no along or across below 1 m/s."
+        f"Medians: {medians}. A difference along the course that grows with speed is a delay of the "
+        "autopilot, one that stays is its position or height error. There is no along or across below 1 m/s."
     )
     return Diagram("INS minus best estimate", caption, figure, 560)
 
 
 def wind(run: Run) -> Diagram | None:
-    """Mean wind over time; None where nothing told it."""
-    told = run.wind
-    if told is None or not len(told):
+    """Mean wind over time; None without one."""
+    mean = run.wind
+    if mean is None or not len(mean):
         return None
-    known = told[told["known"] > 0]
+    known = mean[mean["known"] > 0]
     figure = sheet(2, ["speed, m/s", "from, °"])
     for row, name in enumerate(("speed_mps", "from_deg"), 1):
-        if np.isfinite(told[f"own_{name}"]).any():
-            line(figure, run.seconds(told["t_ns"]), _unwound(told[f"own_{name}"], row), "autopilot", RAW, row)
+        if np.isfinite(mean[f"own_{name}"]).any():
+            line(figure, run.seconds(mean["t_ns"]), _unwound(mean[f"own_{name}"], row), "autopilot", RAW, row)
         line(figure, run.seconds(known["t_ns"]), _unwound(known[name], row), "found", BEST, row)
     caption = (
         "Mean wind out of air data and the cleaned velocity, from where the flight has shown it; beside it "

@@ -73,8 +73,8 @@ def reasons(run: Run) -> Sheet:
 def errors(run: Run) -> Sheet:
     """The systematic errors at the end of the flight."""
     rows = []
-    for sensor, told in run.summary.get("estimator", {}).get("sensors", {}).items():
-        for name, error in told["errors"].items():
+    for sensor, own in run.summary.get("estimator", {}).get("sensors", {}).items():
+        for name, error in own["errors"].items():
             value, sigma, prior, unit = in_degrees(error)
             times = abs(value) / sigma if sigma > 0 else float("nan")
             if not error["observable"]:

@@ -110,8 +110,8 @@ def _some(lines: list[str]) -> list[str]:
 
 def _noise(run: Run, sensor: str) -> list[str]:
     """Channels of an instrument whose noise is not what was stated, and large systematic errors."""
-    told, found = run.summary.get("estimator", {}).get("sensors", {}).get(sensor, {}), []
-    for channel, one in told.get("channels", {}).items():
+    own, found = run.summary.get("estimator", {}).get("sensors", {}).get(sensor, {}), []
+    for channel, one in own.get("channels", {}).items():
         if one["nis_mean"] is not None and judged.says_of(one["nis_mean"], one["nis_band_95"]) in (
             "above",
             "below",
@@ -119,7 +119,7 @@ def _noise(run: Run, sensor: str) -> list[str]:
             found.append(
                 f"{sensor} {channel}: the noise is {np.sqrt(one['nis_mean']):.2f} times what is stated."
             )
-    for name, error in told.get("errors", {}).items():
+    for name, error in own.get("errors", {}).items():
         value, sigma, prior, unit = judged.in_degrees(error)
         if (
             error["observable"]

@@ -39,7 +39,7 @@ def _facts(run: Run, seconds: float) -> list[tuple[str, str]]:
         ("States, live / best estimate", f"{len(run.track):,} / {len(run.smoothed):,}"),
         ("Values that came in", f"{len(run.values):,} of {len(run.heard)} sensors"),
         ("Refused as outliers", f"{refused:,} ({100 * refused / max(len(run.values), 1):.2f} %)"),
-        ("Method", str(run.summary.get("settings", {}).get("method", "not told"))),
+        ("Method", str(run.summary.get("settings", {}).get("method", "not stated"))),
         ("Run folder", str(run.folder)),
     ]
 
@@ -62,7 +62,7 @@ def _chapters(run: Run, tolerance: Tolerance, found: list[trust.Criterion]) -> l
     clocks: Parts = [sources.clocks(run), sources.log_damage(run)]
     done: Parts = [judged.counts(run), judged.reasons(run), judged.consistency(run), *residuals.figures(run)]
     errors: Parts = [judged.errors(run), *certainty.systematic(run), flight.ins_minus_fused(run)]
-    told: Parts = [flight.wind(run), _wind(run), _resets(run), _events(run)]
+    air: Parts = [flight.wind(run), _wind(run), _resets(run), _events(run)]
     stated: Parts = [sources.site(run), sources.instruments(run), sources.settings(run), sources.outputs(run)]
     return [
         _chapter("Result", [*result, *shown]),
@@ -70,7 +70,7 @@ def _chapters(run: Run, tolerance: Tolerance, found: list[trust.Criterion]) -> l
         _chapter("What went in", [*given, *clocks]),
         _chapter("What was done with it", done),
         _chapter("Systematic errors", errors),
-        _chapter("Wind and events", told),
+        _chapter("Wind and events", air),
         _chapter("Station and settings", stated),
     ]
 
@@ -90,20 +90,20 @@ def _on_one_time(chapters: list[Chapter], run: Run, seconds: float) -> list[Chap
 
 
 def _wind(run: Run) -> Sheet:
-    told = run.summary.get("wind") or {}
+    wind = run.summary.get("wind") or {}
     rows = []
     for name, key in (("found, median", "median"), ("autopilot's own, median", "autopilot_median")):
-        if one := told.get(key):
+        if one := wind.get(key):
             rows.append([name, f"{one['speed_mps']:.1f} m/s from {one['from_deg']:.0f}°"])
-    if told:
-        rows.append(["known for", f"{100 * told['known_share']:.0f} % of the time"])
-        rows.append(["true airspeed over the measured one", f"{told['airspeed_scale']:.3f}"])
+    if wind:
+        rows.append(["known for", f"{100 * wind['known_share']:.0f} % of the time"])
+        rows.append(["true airspeed over the measured one", f"{wind['airspeed_scale']:.3f}"])
     return Sheet("Mean wind", ["", ""], rows, "nl", "" if rows else "No air data came.")
 
 
 def _resets(run: Run) -> Sheet:
-    told = run.summary.get("estimator", {}).get("resets", [])
-    rows = [[clock(one["t_ns"]), one["reason"]] for one in told]
+    resets = run.summary.get("estimator", {}).get("resets", [])
+    rows = [[clock(one["t_ns"]), one["reason"]] for one in resets]
     note = "Never draw or differentiate across one." if rows else ""
     return Sheet("New starts of the filter", ["UTC", "why"], rows, "nl", note)
 

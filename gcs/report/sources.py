@@ -30,8 +30,8 @@ def clock(t_ns: int) -> str:
 
 def inputs(run: Run) -> Sheet:
     """Every file that the run was made of, as it was hashed when it was read."""
-    told = run.summary.get("inputs", {})
-    rows = [[role, one["file"], f"{one['bytes']:,}", one["sha256"]] for role, one in told.items()]
+    read = run.summary.get("inputs", {})
+    rows = [[role, one["file"], f"{one['bytes']:,}", one["sha256"]] for role, one in read.items()]
     note = "The hash tells whether a file is still the one that was replayed."
     if not rows:
         note = "The run names no file: it was live, did not end, or is of a version that kept no hashes."
@@ -88,16 +88,16 @@ def clocks(run: Run) -> Sheet:
     log = run.summary.get("log") or {}
     for k, boot in enumerate(log.get("boots", []), 1):
         span = "boot time {} to {} s".format(*(number(s, 6) for s in boot["boot_s"]))
-        told = f"{span}, clock {boot['clock']}, drift {number(boot['drift_ppm'])} ppm"
-        rows.append([f"ins, boot {k}", told, "–", "–"])
+        how = f"{span}, clock {boot['clock']}, drift {number(boot['drift_ppm'])} ppm"
+        rows.append([f"ins, boot {k}", how, "–", "–"])
     for name, error in _clock_errors(run):
         seen = "" if error["observable"] else " (the flight does not show it)"
         rows.append([name, f"estimated{seen}", number(1e3 * error["value"]), number(1e3 * error["sigma"])])
     for sensor in run.station.sensor:
         late = {channel: s for channel, s in sensor.latency_by_channel.items() if s}
         if late:
-            told = ", ".join(f"{channel} {1e3 * s:g} ms" for channel, s in late.items())
-            rows.append([sensor.name, f"known latency, taken off: {told}", "–", "–"])
+            delays = ", ".join(f"{channel} {1e3 * s:g} ms" for channel, s in late.items())
+            rows.append([sensor.name, f"known latency, taken off: {delays}", "–", "–"])
     note = (
         "Valid time = stamp − offset. Where all clocks float, only their differences can be seen; their "
         "common shift is that most sensors agree on."
@@ -109,8 +109,8 @@ def _clock_errors(run: Run) -> list[tuple[str, dict]]:
     sensors = run.summary.get("estimator", {}).get("sensors", {})
     return [
         (s, e)
-        for s, told in sensors.items()
-        for name, e in told["errors"].items()
+        for s, own in sensors.items()
+        for name, e in own["errors"].items()
         if name in ("clock", "latency")
     ]
 
@@ -144,14 +144,14 @@ def site(run: Run) -> Sheet:
                 *(f"{x:.2f}" for x in offset),
             ]
         )  # fmt: skip
-    height = run.summary.get("height", {}).get("geoid_separation_from", "not told")
-    told = {
+    height = run.summary.get("height", {}).get("geoid_separation_from", "not stated")
+    separation = {
         "receiver": "the receiver's own", "station file": "the station file's",
         "unknown": "not known, so taken as zero",
     }.get(height, height)  # fmt: skip
     note = (
         "Datum: WGS84, heights above the ellipsoid; local frame East-North-Up at the origin. Geoid "
-        f"separation of the INS height: {told}."
+        f"separation of the INS height: {separation}."
     )
     head = ["", "what", "latitude, °", "longitude, °", "height, m", "E, m", "N, m", "U, m"]
     return Sheet("Station, datum and geoid", head, rows, "nnrrrrrr", note)
@@ -178,12 +178,12 @@ def instruments(run: Run) -> Sheet:
 
 def settings(run: Run) -> Sheet:
     """Every setting that steered the run, and the versions."""
-    told = run.summary.get("settings", {})
+    chosen = run.summary.get("settings", {})
     software = run.summary.get("software", {})
-    rows = [["software", f"{software.get('name', 'gcs')} {software.get('version', 'not told')}"]]
+    rows = [["software", f"{software.get('name', 'gcs')} {software.get('version', 'not stated')}"]]
     rows += [["report made by", f"gcs {__version__}, Python {platform.python_version()}"]]
-    rows += [["method", str(told.get("method", "not told"))]]
-    rows += [["learned correction", "on" if told.get("learned_correction") else "off"]]
+    rows += [["method", str(chosen.get("method", "not stated"))]]
+    rows += [["learned correction", "on" if chosen.get("learned_correction") else "off"]]
     station = msgspec.to_builtins(run.station)
     for section in ("vehicle", "ins", "align", "screening", "filter"):
         rows += [

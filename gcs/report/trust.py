@@ -35,8 +35,8 @@ def common_clock_s(run: Run) -> float:
     A shift of all clocks together moves the track along itself and no measurement shows it: the published
     sigma contains it. So does every floating clock's own sigma: the smallest one bounds it.
     """
-    told = run.summary.get("estimator", {}).get("sensors", {})
-    floating = [told.get(sensor, {}).get("errors", {}) for sensor in run.heard]
+    sensors = run.summary.get("estimator", {}).get("sensors", {})
+    floating = [sensors.get(sensor, {}).get("errors", {}) for sensor in run.heard]
     sigmas = [e["sigma"] for errors in floating for name, e in errors.items() if name in ("clock", "latency")]
     return min(sigmas, default=0.0) if len(sigmas) == len(run.heard) else 0.0
 
@@ -106,15 +106,15 @@ def verdict(run: Run, found: list[Criterion]) -> Finding:
             "No tolerance stated", "open",
             ["State what the test allows: gcs report DIR --tolerance-h METRES --tolerance-v METRES."],
         )  # fmt: skip
-    told = [
+    reasons = [
         f"{one.name}: {percent(within(one))} % of the time within {stated(one.allowed_m)} m, worst "
         f"{number(np.nanmax(one.reached_m))} m at {clock(int(one.t_ns[np.nanargmax(one.reached_m)]))}"
         for one in decisive
     ]
     if not run.summary.get("complete", bool(run.summary)):
-        return Finding("Open: the run did not end", "open", told)
+        return Finding("Open: the run did not end", "open", reasons)
     met = all(within(one) == 1.0 for one in decisive)
-    return Finding("Within tolerance" if met else "Not within tolerance", "good" if met else "bad", told)
+    return Finding("Within tolerance" if met else "Not within tolerance", "good" if met else "bad", reasons)
 
 
 def percentiles(run: Run) -> Sheet:

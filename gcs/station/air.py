@@ -34,7 +34,7 @@ class Air:
         self._estimator: winds.WindEstimator | None = None
         self._reckoning: winds.DeadReckoning | None = None
         self._last = 0, 0.0, np.zeros(2)  # of the reckoning: t ns, height m, position east and north m
-        self._told_ns = self._emitted_ns = self._sampled_ns = 0
+        self._wind_ns = self._emitted_ns = self._sampled_ns = 0
         self._history: list[Wind] = []
         self._reckoned = 0
 
@@ -47,7 +47,7 @@ class Air:
     def step(self, track: np.ndarray, upto_ns: int) -> tuple[np.ndarray, list[Wind | Event]]:
         """One turn, up to ``upto_ns``, with the estimator's new rows (k,) TRACK.
 
-        Returns the track that goes out, and what is to be told.
+        Returns the track that goes out, and the messages about wind and dead reckoning.
         """
         due = int(np.searchsorted(self._waiting["t_ns"], upto_ns, side="right"))
         samples, self._waiting = self._waiting[:due], self._waiting[due:]
@@ -57,19 +57,19 @@ class Air:
         recent = _newest(np.concatenate([np.empty(0, TRACK), *self._recent]))
         known, flown = np.concatenate([recent, track]), np.concatenate([self._flown, samples])
         begin, out = len(recent), []
-        told: list[Wind | Event] = []
+        messages: list[Wind | Event] = []
         at = np.searchsorted(known["t_ns"], samples["t_ns"], side="right")
         for sample, end in zip(samples, at.tolist(), strict=True):
             if end > begin:
                 out.append(self._pass(known[begin:end]))
                 begin = end
             if end and sample["t_ns"] > self._sampled_ns:
-                out.append(self._take(sample, known[:end], flown, told))
+                out.append(self._take(sample, known[:end], flown, messages))
                 self._sampled_ns = int(sample["t_ns"])
         out.append(self._pass(known[begin:]))
         self._flown = _newest(flown)
         self._keep(track)
-        return np.concatenate(out), told
+        return np.concatenate(out), messages
 
     def report(self) -> dict | None:
         """For the summary; None without air data."""
@@ -105,28 +105,28 @@ class Air:
             self._emitted_ns = int(rows["t_ns"][-1])
         return rows
 
-    def _take(self, sample, known: np.ndarray, flown: np.ndarray, told: list) -> np.ndarray:
+    def _take(self, sample, known: np.ndarray, flown: np.ndarray, messages: list) -> np.ndarray:
         """One sample, with the rows (k,) TRACK up to it; returns the reckoned row, or none."""
         state, t_ns = known[-1], int(sample["t_ns"])
         fixed_ns = int(state["fixed_ns"] or state["t_ns"])
         if t_ns - fixed_ns > LOST_NS:
-            return self._reckon(sample, known, flown, fixed_ns, told)
+            return self._reckon(sample, known, flown, fixed_ns, messages)
         if self._reckoning is not None:
             self._reckoning = None
-            told.append(Event(t_ns=t_ns, level="info", text="position is back: dead reckoning ends"))
+            messages.append(Event(t_ns=t_ns, level="info", text="position is back: dead reckoning ends"))
         if t_ns - fixed_ns <= FRESH_NS:
             if self._estimator is None:
                 self._estimator = winds.WindEstimator(coordinated=bool(sample["coordinated"]))
             since_s = (t_ns - int(state["t_ns"])) * 1e-9
             velocity = state["x"][3:6] + since_s * state["x"][6:9]
             self._estimator.step(t_ns, *_through_air(sample), velocity)
-            if t_ns // PERIOD_NS > self._told_ns // PERIOD_NS:
-                self._told_ns = t_ns
+            if t_ns // PERIOD_NS > self._wind_ns // PERIOD_NS:
+                self._wind_ns = t_ns
                 self._history.append(_message(self._estimator.wind, sample))
-                told.append(self._history[-1])
+                messages.append(self._history[-1])
         return known[:0]
 
-    def _reckon(self, sample, known, flown, fixed_ns: int, told: list) -> np.ndarray:
+    def _reckon(self, sample, known, flown, fixed_ns: int, messages: list) -> np.ndarray:
         """Carry on from the last fix. Not from the ground: there the airspeed is noise."""
         t_ns, estimator = int(sample["t_ns"]), self._estimator
         if estimator is None:
@@ -137,7 +137,7 @@ class Air:
             anchor = known[np.searchsorted(known["t_ns"], fixed_ns) :][0]
             self._reckoning = self._begin(estimator, anchor, flown, t_ns)
             text = "no position or velocity for 2 s: dead reckoning by air data and wind"
-            told.append(Event(t_ns=t_ns, level="warning", text=text))
+            messages.append(Event(t_ns=t_ns, level="warning", text=text))
         before_ns, height_m, position = self._last
         after, covariance = self._reckoning.step(t_ns, *_through_air(sample))
         dt_s = (t_ns - before_ns) * 1e-9

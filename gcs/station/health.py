@@ -188,17 +188,17 @@ class Monitor:
         for index in np.unique(update.judged["sensor"]).tolist():
             rows = update.judged[update.judged["sensor"] == index]
             self._tallies[self._sensors[index]].take(rows, self.now_ns)
-        told: list[Health | Event] = list(self._restarts(update))
+        messages: list[Health | Event] = list(self._restarts(update))
         if self.now_ns - self._checked_ns >= CHECK_NS:
             self._checked_ns = self.now_ns
-            told += self._silences()
+            messages += self._silences()
         if self.now_ns >= self._next_ns:
             self._next_ns = self.now_ns + PERIOD_NS
             found = update.report().get("sensors", {})
             sensors = {name: self._health(name, found.get(name, {})) for name in self._sensors}
             queue_age_s, parts = self._feeds.queue_age_s(), self._parts()
-            told.append(Health(t_ns=self.now_ns, sensors=sensors, queue_age_s=queue_age_s, parts=parts))
-        return told
+            messages.append(Health(t_ns=self.now_ns, sensors=sensors, queue_age_s=queue_age_s, parts=parts))
+        return messages
 
     def ages_s(self, t_ns: int) -> dict[str, float]:
         """Age at ``t_ns`` of each sensor's newest measurement until then; silent sensors are left out."""
@@ -226,7 +226,7 @@ class Monitor:
             alive=self._feeds.alive(name),
             rows=tally.rows,
             outliers=tally.outliers,
-            errors={error: _systematic(**told) for error, told in found.get("errors", {}).items()},
+            errors={error: _systematic(**one) for error, one in found.get("errors", {}).items()},
         )
 
     def _restarts(self, update: Update) -> Iterator[Event]:

@@ -23,13 +23,13 @@ PIECE_BYTES = 2**25  # written at once; more waits only after the disk has refus
 
 
 class Scratch:
-    """Makes the stores of one run, on the disk of ``folder``; ``tell`` is told once if that refuses.
+    """Makes the stores of one run, on the disk of ``folder``; ``tell`` is called once if that refuses.
 
     After the end, as a context, no more is written; what there is can still be read.
     """
 
     def __init__(self, folder: Path, tell: Callable[[str, str], None]):
-        self._folder, self._tell, self._told = folder, tell, False
+        self._folder, self._tell, self._said = folder, tell, False
         self._stores: weakref.WeakSet[OnDisk] = weakref.WeakSet()
         self._over = threading.Event()
         threading.Thread(target=self._run, name="scratch files", daemon=True).start()
@@ -60,8 +60,8 @@ class Scratch:
                     self._over.wait(RETRY_S)
 
     def _refused(self, error: OSError) -> None:
-        if not self._told:
-            self._told = True
+        if not self._said:
+            self._said = True
             self._tell(
                 "warning", f"{self._folder}: {brief(error)}; what is final waits in memory for the disk"
             )

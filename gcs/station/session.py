@@ -87,7 +87,7 @@ class Session:
         self.air = Air()
         self.sinks = list(sinks)
         self._judged: list[np.ndarray] = []
-        self._told_ns = 0  # of the newest state
+        self._state_ns = 0  # of the newest state
         self._senseless = 0  # states that were not told
         self._pace = [Pace() for _ in self.sensors]  # of what reached the filter
 
@@ -120,9 +120,9 @@ class Session:
         )
         self.ledger.doubt(rows["id"][self.screening.doubts(rows)])  # each channel by itself
         step = self._estimate(rows)  # state and verdicts
-        track, told = self.air.step(step.track, upto_ns)  # wind, or dead reckoning
-        track = self._told_only(track)
-        self._hand_on(step._replace(track=track), [*told, *events], failed=self._lost(rows, track))
+        track, notices = self.air.step(step.track, upto_ns)  # wind, or dead reckoning
+        track = self._known_only(track)
+        self._hand_on(step._replace(track=track), [*notices, *events], failed=self._lost(rows, track))
 
     def finish(self, about: dict) -> dict:
         """Take in what still waits, make every verdict final, and give each sink the summary.
@@ -131,7 +131,7 @@ class Session:
         """
         self.advance(FOREVER_NS)
         self._hand_on(self.estimator.finish())
-        best = self._told_only(self.estimator.smooth())
+        best = self._known_only(self.estimator.smooth())
         summary = about | self.summary()
         for sink in self.sinks:
             sink.close(summary, best)
@@ -159,7 +159,7 @@ class Session:
             self._judged.append(self.ledger.abandon(self.align.waiting_ids, why))
         return step
 
-    def _told_only(self, track: np.ndarray) -> np.ndarray:
+    def _known_only(self, track: np.ndarray) -> np.ndarray:
         """Of (k,) TRACK those that say something; the rest is counted and goes nowhere."""
         if not len(track):
             return track
@@ -170,21 +170,21 @@ class Session:
     def _lost(self, rows: np.ndarray, track: np.ndarray) -> bool:
         """Has there been a state, and none for LOST_NS of measurements? Said once for each such stretch."""
         if len(track):
-            self._told_ns = int(track["t_ns"][-1])
+            self._state_ns = int(track["t_ns"][-1])
         newest_ns = int(rows["t_ns"].max(initial=0))
-        if not self._told_ns or newest_ns - self._told_ns < LOST_NS:
+        if not self._state_ns or newest_ns - self._state_ns < LOST_NS:
             return False
-        self._told_ns = 0
+        self._state_ns = 0
         return True
 
-    def _hand_on(self, step: Step, told: Sequence[Wind | Event] = (), *, failed: bool = False) -> None:
+    def _hand_on(self, step: Step, notices: Sequence[Wind | Event] = (), *, failed: bool = False) -> None:
         ids = np.concatenate([*self._judged, self.ledger.judge(step.verdicts)])
         self._judged.clear()
         judged = self.ledger.at(ids)
-        smoothed, retired = self._told_only(step.smoothed), self.ledger.retire()
+        smoothed, retired = self._known_only(step.smoothed), self.ledger.retire()
         report = self.estimator.report
         update = Update(
-            step.track, smoothed, judged, retired, self.ledger, told, report, failed, self.ledger.parting,
+            step.track, smoothed, judged, retired, self.ledger, notices, report, failed, self.ledger.parting,
             step.separation,
         )  # fmt: skip
         for sink in self.sinks:

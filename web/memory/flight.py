@@ -198,10 +198,10 @@ class SeenFlight:
         self.health, self.health_s = health, time.monotonic()
         self.healths.add(health.t_ns, health)
         for name, sensor in health.sensors.items():
-            for error, told in sensor.errors.items():
-                key = name, error
+            for which, error in sensor.errors.items():
+                key = name, which
                 rows = self.errors.get(key) or self.errors.setdefault(key, GrowingRows(ERROR, MOST_ERRORS))
-                rows.add((health.t_ns, told.value, told.sigma))
+                rows.add((health.t_ns, error.value, error.sigma))
 
 
 def _row(state: State, nis: float, *, cut: bool) -> tuple:

@@ -106,10 +106,10 @@ def _tagged(image: Image.Image) -> np.ndarray | None:
     if SCALE not in tags or TIEPOINT not in tags:
         return None
     keys = np.array(tags.get(KEYS, ())).reshape(-1, 4)
-    told = {int(key): int(value) for key, _, _, value in keys[1:]}
-    if told.get(MODEL) != GEOGRAPHIC:
+    geo = {int(key): int(value) for key, _, _, value in keys[1:]}
+    if geo.get(MODEL) != GEOGRAPHIC:
         raise ValueError("its place is not in degrees; gdalwarp -t_srs EPSG:4326 makes it so")
-    middle = 0.0 if told.get(RASTER) == 2 else 0.5  # of a pixel, from what is tied
+    middle = 0.0 if geo.get(RASTER) == 2 else 0.5  # of a pixel, from what is tied
     right, down = tags[SCALE][:2]
     column, row, _, lon_deg, lat_deg = tags[TIEPOINT][:5]
     return np.array(

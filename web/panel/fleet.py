@@ -60,10 +60,10 @@ def rows(found: list[Condition], chosen: str) -> str:
         tint = colours.WARNING if one.rank == ALARMED else one.colour
         quality = "–" if one.quality is None else str(one.quality)
         body.append([name, inked(escape(one.word), tint), quality])
-    told = "".join(
+    reasons = "".join(
         f'<div class="quiet">{escape(one.name)}: {escape(one.why)}</div>' for one in ordered(found) if one.why
     )
-    return block(table(body, ("vehicle", "", "quality")) + told)
+    return block(table(body, ("vehicle", "", "quality")) + reasons)
 
 
 class Fleet:

@@ -33,12 +33,12 @@ def story(claim: Claim, others: list[Statement]) -> str:
     why = {f"<div>{escape(v.channel.replace('_', ' '))}: {escape(in_words(v))}</div>" for v in claim.refused}
     said = [
         [
-            escape(told.sensor),
-            f"{told.apart_s:.2f} s apart",
-            f"{told.channel.replace('_', ' ')} {told.sigmas:+.1f} σ",
-            told.kind if told.kind != ACCEPTED else "believed",
+            escape(other.sensor),
+            f"{other.apart_s:.2f} s apart",
+            f"{other.channel.replace('_', ' ')} {other.sigmas:+.1f} σ",
+            other.kind if other.kind != ACCEPTED else "believed",
         ]
-        for told in others
+        for other in others
     ]
     rest = f"<div><b>the others then</b>, each one's worst channel</div>{table(said)}" if said else ""
     return block(

@@ -58,11 +58,11 @@ def errors(scene: Scene, health: Health | None) -> str:
         known = sum(error.known for error in sensor.errors.values())
         word = inked("calibrated", colours.GOOD) if known == len(sensor.errors) else ""
         word = word or inked(f"{known} of {len(sensor.errors)} shown by the flight", colours.WARNING)
-        told = " · ".join(
+        words = " · ".join(
             f'<span class="word{"" if error.known else " quiet"}">{one(which, error)}</span>'
             for which, error in sensor.errors.items()
         )
-        lines.append(f"<div><b>{escape(name)}</b> {word}<br>{told}</div>")
+        lines.append(f"<div><b>{escape(name)}</b> {word}<br>{words}</div>")
     return block("".join(lines) or '<span class="quiet">no errors are estimated</span>')
 
 

@@ -136,16 +136,16 @@ def _track(flight: SeenFlight, from_ns: int, to_ns: int) -> list[Plot]:
     x_s, found = _seconds(flight, times), []
     heights = {name: rows["place_m"][:, 2] for name, rows in raw.items()}
     speeds = {name: rows["speed_mps"] for name, rows in raw.items()}
-    for title, said, told in (
+    for title, of_each, of_state in (
         ("height above the origin, m", heights, fused["position_enu_m"][:, 2]),
         ("speed, m/s", speeds, speed),
     ):
         curves = [
             Curve(name, named[name], DOTS, _at(times, raw[name]["t_ns"], values))
-            for name, values in said.items()
+            for name, values in of_each.items()
             if np.isfinite(values).any()
         ]
-        curves.append(Curve("fused", colours.FILTERED, LINE, np.interp(times, fused["t_ns"], told)))
+        curves.append(Curve("fused", colours.FILTERED, LINE, np.interp(times, fused["t_ns"], of_state)))
         found.append(Plot(title, x_s, curves))
     return found
 

@@ -49,11 +49,11 @@ def scale_of(choice: str, rows: np.ndarray, before: Scale | None = None) -> Scal
     return Scale(low, max(high, low + 1e-3))
 
 
-def paint(choice: str, scale: Scale | None, told: np.ndarray) -> np.ndarray:
+def paint(choice: str, scale: Scale | None, values: np.ndarray) -> np.ndarray:
     """Colours (…, 3) uint8 for what ``values`` says of each end (…, 4).
 
     Plain has a colour for each end too: the browser does not see a line change from one kind to the other.
     """
     if choice == PLAIN or scale is None:
-        return np.broadcast_to(np.array(colours.FILTERED, np.uint8), (*told.shape[:-1], 3))
-    return colours.ramp((told[..., list(UNITS).index(choice)] - scale.low) / (scale.high - scale.low))
+        return np.broadcast_to(np.array(colours.FILTERED, np.uint8), (*values.shape[:-1], 3))
+    return colours.ramp((values[..., list(UNITS).index(choice)] - scale.low) / (scale.high - scale.low))

@@ -148,7 +148,7 @@ class Inbox:
             self._filled.wait_for(lambda: self._count, timeout_s)
             now_s = _now_s()
             self._relieve(now_s)
-            told = list(self._losses(now_s))
+            losses = list(self._losses(now_s))
             found: list[tuple] = []
             for waiting in heapq.merge(*(queue.waiting for queue in self._queues.values())):
                 if len(found) >= most and waiting[0] > self._kept:
@@ -158,7 +158,7 @@ class Inbox:
                 queue.waiting.popleft()
             self._count -= len(found)
             self.arrived_ns = found[-1][1] if found else now_ns()
-        return told + [(source, item) for _, _, source, item, _ in found]
+        return losses + [(source, item) for _, _, source, item, _ in found]
 
     def leave(self) -> list[tuple[str, Any]]:
         """At the end: all that was lost and is not told yet, and what still waits as lost too."""
