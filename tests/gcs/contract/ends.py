@@ -13,6 +13,7 @@ from gcs.contract.messages import PolarMeasurement, State
 from gcs.contract.wire.bus import Bus
 
 ROOT = Path(__file__).parents[3]
+PATIENCE_S = 60.0  # with what must come; a machine may be busy with the other half of the suite
 
 
 def client(endpoint: str, **options) -> Bus:
@@ -42,7 +43,7 @@ def plain_zenoh(endpoint: str):
         yield session
 
 
-def collect(subscription, count: int, seconds: float = 10.0) -> list:
+def collect(subscription, count: int, seconds: float = PATIENCE_S) -> list:
     """The first ``count`` (source, message) pairs, or fewer after ``seconds``."""
     got, end = [], time.monotonic() + seconds
     while len(got) < count and time.monotonic() < end:
@@ -50,7 +51,7 @@ def collect(subscription, count: int, seconds: float = 10.0) -> list:
     return got
 
 
-def until(condition, seconds: float = 10.0) -> bool:
+def until(condition, seconds: float = PATIENCE_S) -> bool:
     end = time.monotonic() + seconds
     while not condition() and time.monotonic() < end:
         time.sleep(0.01)

@@ -9,6 +9,7 @@ import time
 from pathlib import Path
 
 import pytest
+import zenoh
 
 from gcs.contract.messages import MSGPACK, Bad, Event, schema
 from gcs.contract.wire import bus as bus_module
@@ -184,7 +185,11 @@ def test_a_full_queue_keeps_the_newest_and_counts_the_rest(station):
 def test_what_is_none_of_ours_is_counted_and_on_raw_gets_a_verdict(station, endpoint, payload):
     subscription = station.subscribe("raw/*", "state")
     with plain_zenoh(endpoint) as session:
-        raw, state = (session.declare_publisher(f"demo/uav1/{key}") for key in ("raw/radar", "state"))
+        block = zenoh.CongestionControl.BLOCK  # by default what is not sent within a millisecond is lost
+        raw, state = (
+            session.declare_publisher(f"demo/uav1/{key}", congestion_control=block)
+            for key in ("raw/radar", "state")
+        )
         assert until(lambda: raw.matching_status.matching and state.matching_status.matching)
         raw.put(payload)
         state.put(payload)
