@@ -17,7 +17,7 @@ COMPILE := $(SUPPLY)/uv pip compile --quiet --universal --python-version 3.11 --
 demo: .venv/core
 	$(BIN)/gcs demo
 
-test: style compiled plain rest numbers   # one after the other, or side by side with `make --jobs 2 test`
+test: style plain compiled rest numbers   # one after the other, or side by side with `make --jobs 2 test`
 
 style: .venv/test
 	$(BIN)/ruff check .
