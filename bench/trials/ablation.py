@@ -18,11 +18,11 @@ import numpy as np
 
 from bench.trials import common, flights, liar, run, scene, score
 from filters.models import state
-from filters.smoother import adaptation, bank, challengers, estimator, gated
+from filters.smoother import adaptation, bank, estimator, gated, proposals
 from filters.smoother.bank import Bank
 
 SEEN_S, LIARS = 60.0, "standard"
-REDECIDE, AGAIN, STARTS = Bank.redecide, challengers.again, Bank._starts
+REDECIDE, AGAIN, STARTS = Bank.redecide, proposals.again, Bank._starts
 SLOW_ERRORS = state._slow_errors
 
 
@@ -54,9 +54,9 @@ PARTS = {
     "no proposal `without`": Part(
         ((Bank, "redecide", lambda self, rows, keep, _=(): REDECIDE(self, rows, keep)),)
     ),
-    "no proposal `running`": Part(((challengers, "running", lambda _, rows: np.zeros(len(rows.t), bool)),)),
-    "no proposal `again`": Part(((challengers, "again", _no_annealing),)),
-    "no proposal `manoeuvre`": Part(((challengers, "manoeuvre", lambda incumbent, _: incumbent.copy()),)),
+    "no proposal `running`": Part(((proposals, "running", lambda _, rows: np.zeros(len(rows.t), bool)),)),
+    "no proposal `again`": Part(((proposals, "again", _no_annealing),)),
+    "no proposal `manoeuvre`": Part(((proposals, "manoeuvre", lambda incumbent, _: incumbent.copy()),)),
     "no proposal `start` but the first": Part(((Bank, "_starts", _first_starts),)),
     "no alternative that lives on": Part(((Bank, "_keep_alternative", lambda _self, _top, _ranked: None),)),
     "no prior odds of a change": Part(((bank, "INERTIA", 0.0),)),

@@ -24,7 +24,7 @@ from filters.models import state as models
 from filters.models.motion import CORE
 from filters.models.rows import CHANNELS, DEWEIGHTED, ROW, TRACK, USED, VERDICT, Sensor, Step, rehearsal
 from filters.models.settings import Settings
-from filters.smoother import buffer, passes, start, status
+from filters.smoother import buffer, passes, proposals, status
 from filters.smoother.integrity import report as reports
 
 PSD_FACTORS = {"wolf": (1.0,), "imm": (0.1, 3.0)}  # times the estimator's densities, one filter each
@@ -130,7 +130,7 @@ class Baseline:
         while len(self._waiting) and np.ptp(self._waiting["t_ns"]) >= START_NS:
             t = self._waiting["t_ns"]
             first = t <= t[0] + START_NS
-            found = start.candidates(
+            found = proposals.candidates(
                 self.model, columns(self.model, self._waiting[first], self._height[0]), *self._height
             )
             if not found:
@@ -188,12 +188,12 @@ def columns(model: models.Model, rows: np.ndarray, height_m: float = np.nan) -> 
     )
     stated = np.where(rows["sigma"] > 0.0, rows["sigma"] ** 2, model.variance[sensor, channel])
     out = buffer.Rows(t, sensor, channel, value, stated, np.full((len(t), 3), np.nan))
-    start.places(out, model.offset, model.rotation, model.is_ins, height_m, 0)
+    proposals.places(out, model.offset, model.rotation, model.is_ins, height_m, 0)
     return out
 
 
 def _middle(found: list) -> tuple[np.ndarray, np.ndarray]:
-    """The candidate of `start.candidates` that is nearest to all others."""
+    """The candidate of `proposals.candidates` that is nearest to all others."""
     place = np.array([x[:3] for _, x, _ in found])
     away = np.linalg.norm(place[:, None] - place, axis=2).sum(axis=1)
     return found[int(np.argmin(away))][1:]

@@ -25,11 +25,11 @@ import numpy as np
 
 from filters.models.motion import CORE
 from filters.models.rows import AZIMUTH, ELEVATION, RANGE, E, N, U
-from filters.smoother import challengers, gated, status
+from filters.smoother import gated, proposals, status
 from filters.smoother.buffer import Rows
-from filters.smoother.challengers import Prior
 from filters.smoother.hypothesis import LONG_AGO_NS, Hypothesis, Workspace, apart, differ
 from filters.smoother.passes import Scores
+from filters.smoother.proposals import Prior
 
 SHORTFALL = 2.0  # standard deviations of the log evidence below which the model is thought to be wrong
 WRONG = 6.0  # … and below which it surely is
@@ -55,7 +55,7 @@ class Trial(NamedTuple):
         return self.prior + self.hypothesis.log_evidence
 
 
-class Asked(NamedTuple):
+class Challenge(NamedTuple):
     """When the incumbent began to explain too little, when it was challenged last, and its shortfall then."""
 
     since_ns: int
@@ -72,7 +72,7 @@ class Bank:
         self.alternative: Trial | None = None  # nearly as likely, about the same rows
         self.slow = space.prior_slow  # see `Hypothesis`, of the newest one that was forgotten
         self._close_call, self.spread = False, np.zeros((CORE, CORE))  # (9, 9) doubt between hypotheses
-        self._asked: Asked | None = None  # whose challengers have lost
+        self._challenge: Challenge | None = None  # whose challengers have lost
         self._contradicted = False  # by another sensor, since a start by one alone
         self._proven_ns = 0  # until then a start of one sensor alone may be the middle of its own run
         self.reason = ""  # of the newest start
@@ -134,7 +134,7 @@ class Bank:
         if top.hypothesis is best and not keep:
             return found
         if top.hypothesis is not best:
-            self._asked = None
+            self._challenge = None
         self.best = top.hypothesis
         if top in starts:
             if not best.young:  # else it is still the first one's
@@ -152,41 +152,41 @@ class Bank:
             (starts if self.alternative.hypothesis.young else trials).append(self.alternative)
         for other in others:
             if apart(best, other):
-                trials.append(Trial(0.0, challengers.again(best, rows, other.own.weight, annealed=False)))
-        running = challengers.running(best, rows)
+                trials.append(Trial(0.0, proposals.again(best, rows, other.own.weight, annealed=False)))
+        running = proposals.running(best, rows)
         if running.any():
             trial = best.copy()
             trial.settle(rows, 0, running)
             trials.append(Trial(0.0, trial))
-            trials.append(Trial(0.0, challengers.again(best, rows, trial.own.weight, annealed=False)))
+            trials.append(Trial(0.0, proposals.again(best, rows, trial.own.weight, annealed=False)))
         fixes = self._starts(rows) if best.young else []
-        if len(rows.t) and self._asks(int(rows.t[-1]), int(rows.t[keep - 1]) if keep else LONG_AGO_NS):
-            again = challengers.again(best, rows, np.ones(len(rows.t)), annealed=True)
-            wilder = challengers.manoeuvre(best, rows)
+        if len(rows.t) and self._is_due(int(rows.t[-1]), int(rows.t[keep - 1]) if keep else LONG_AGO_NS):
+            again = proposals.again(best, rows, np.ones(len(rows.t)), annealed=True)
+            wilder = proposals.manoeuvre(best, rows)
             trials += [Trial(0.0, again), Trial(ODDS_MANOEUVRE, wilder)]
             unexplained = min(again.shortfall, wilder.shortfall) > SHORTFALL
             if not fixes and (unexplained or best.shortfall > WRONG):
                 fixes = self._starts(rows)
         if fixes:
             likeliest = max(fixes, key=lambda fix: fix.log_evidence)
-            trials.append(Trial(0.0, challengers.again(best, rows, likeliest.own.weight, annealed=False)))
+            trials.append(Trial(0.0, proposals.again(best, rows, likeliest.own.weight, annealed=False)))
             starts += [Trial(0.0 if best.young else ODDS_START, fix) for fix in fixes]
         return trials, starts
 
-    def _asks(self, t_ns: int, decided_ns: int) -> bool:
+    def _is_due(self, t_ns: int, decided_ns: int) -> bool:
         """Whether the incumbent explains the rows up to ``t_ns`` too poorly, and it is time to challenge it.
 
         Those up to ``decided_ns`` are about to be decided.
         """
-        short, asked = self.best.shortfall, self._asked
+        short, last = self.best.shortfall, self._challenge
         if short < SHORTFALL:
-            self._asked = None
+            self._challenge = None
             return False
-        since_ns = t_ns if asked is None else asked.since_ns
-        due = asked is None or decided_ns >= since_ns or t_ns - asked.t_ns >= asked.t_ns - since_ns
-        if due or short > asked.shortfall:
-            self._asked = Asked(since_ns, t_ns, short)
-        return self._asked is not asked
+        since_ns = t_ns if last is None else last.since_ns
+        due = last is None or decided_ns >= since_ns or t_ns - last.t_ns >= last.t_ns - since_ns
+        if due or short > last.shortfall:
+            self._challenge = Challenge(since_ns, t_ns, short)
+        return self._challenge is not last
 
     def watch(self, rows: Rows, keep: int) -> Scores:
         """For methods that have no window: start anew where they have lost the target; as `redecide`."""
@@ -208,7 +208,7 @@ class Bank:
         """
         fixes = sorted(self._starts(rows), key=lambda fix: -fix.log_evidence)
         if fixes and weight is not None:
-            fixes.append(challengers.again(fixes[0], rows, weight, annealed=False))
+            fixes.append(proposals.again(fixes[0], rows, weight, annealed=False))
             fixes.sort(key=lambda fix: -fix.log_evidence)
         heard = rows.sensor != self.excluded
         good = [(fix.own.weight[heard] > status.DOUBT).mean() >= GOOD_SHARE for fix in fixes]
@@ -222,7 +222,7 @@ class Bank:
 
     def _starts(self, rows: Rows) -> list[Hypothesis]:
         slow = (self.best or self).slow
-        return challengers.starts(self.space, rows, self.prior, self.best, self.excluded, slow)
+        return proposals.starts(self.space, rows, self.prior, self.best, self.excluded, slow)
 
     def _put_to_the_proof(self, rows: Rows) -> None:
         """A start that rests on one sensor is ambiguous for a while: what it says may be a run of its own.

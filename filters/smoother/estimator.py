@@ -22,12 +22,12 @@ from filters.models.motion import CORE
 from filters.models.rows import ROW, SEPARATION, TRACK, VERDICT, Sensor, Step, joined, rehearsal
 from filters.models.settings import Settings
 from filters.models.store import InMemory, Keep
-from filters.smoother import gated, start, status, tracks
+from filters.smoother import gated, proposals, status, tracks
 from filters.smoother.bank import Bank
 from filters.smoother.buffer import MeasurementBuffer, Rows, faults, refusals
-from filters.smoother.challengers import Prior
 from filters.smoother.hypothesis import LONG_AGO_NS, Workspace
 from filters.smoother.integrity import protection, report
+from filters.smoother.proposals import Prior
 from filters.smoother.snapshots import Progress, Snapshots, mark_type
 from filters.smoother.window import Window
 
@@ -166,8 +166,8 @@ class FixedLagSmoother:
     def _place(self, end: int) -> None:
         """Enter the places that the new rows up to ``end`` stand for."""
         buffer, model = self._buffer, self.model
-        before = buffer.count_before(buffer.view(buffer.done, end).t[0] - start.TOGETHER_NS)
-        start.places(
+        before = buffer.count_before(buffer.view(buffer.done, end).t[0] - proposals.TOGETHER_NS)
+        proposals.places(
             buffer.view(before, end), model.offset, model.rotation, model.is_ins, self.settings.height_m,
             buffer.done - before,
         )  # fmt: skip

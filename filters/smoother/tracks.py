@@ -9,7 +9,7 @@ from filters.models.state import Model
 from filters.smoother import passes
 from filters.smoother.buffer import MeasurementBuffer, Outcome, Rows, epochs
 from filters.smoother.hypothesis import Moment, Workspace
-from filters.smoother.start import TOGETHER_NS, places
+from filters.smoother.proposals import TOGETHER_NS, places
 
 HALF_QUALITY_M = 10.0  # position 1-sigma at which quality is 50
 DOUBTFUL = 20  # the best quality while two hypotheses are nearly as likely

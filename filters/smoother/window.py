@@ -11,13 +11,13 @@ from filters.models.motion import CORE, MOTIONS
 from filters.models.rows import TRACK
 from filters.models.settings import Settings
 from filters.models.store import InMemory, Keep
-from filters.smoother import gated, passes, start, status, tracks
+from filters.smoother import gated, passes, proposals, status, tracks
 from filters.smoother.bank import PROOF_NS, Bank
 from filters.smoother.buffer import MeasurementBuffer, Rows, epochs
 from filters.smoother.hypothesis import Workspace
 from filters.smoother.snapshots import Progress, Reset
 
-SPEED_LOST_MPS = start.SPEED_SIGMA_MPS  # a prediction that knows less than a start does is a start
+SPEED_LOST_MPS = proposals.SPEED_SIGMA_MPS  # a prediction that knows less than a start does is a start
 LOST_FACTOR = 5.0  # of what may be published: beyond, rows are better taken for a start
 SILENCE_NS = 250_000_000  # since the newest row, from which a gap may be one
 TURNS = 4  # re-decisions for one of the banks without a sensor

@@ -1,4 +1,4 @@
-"""The bank: first states, challengers that win and that lose, doubt."""
+"""The bank: first states, who confirms them, and what is ambiguous from the start."""
 
 import itertools
 
@@ -7,12 +7,12 @@ import pytest
 
 from filters.models import state
 from filters.models.motion import PSD
-from filters.models.rows import AZIMUTH, ELEVATION, RANGE, E, U
-from filters.smoother import bank, challengers, status
+from filters.models.rows import AZIMUTH, ELEVATION, RANGE, U
+from filters.smoother import bank, status
 from filters.smoother.bank import Bank
 from filters.smoother.buffer import Outcome, Rows, outcome
-from filters.smoother.challengers import Prior
 from filters.smoother.hypothesis import Workspace
+from filters.smoother.proposals import Prior
 from tests.filters.smoother.kit import small
 
 INS, A, B, RADAR = small.four()
@@ -30,7 +30,7 @@ def begun(sensors, *, prior=NOTHING, spoil=None, excluded=-1):
     if spoil:
         spoil(rows)
         rows.place[:] = np.nan
-        small.start.places(rows, model.offset, model.rotation, model.is_ins, prior.height_m, 0)
+        small.proposals.places(rows, model.offset, model.rotation, model.is_ins, prior.height_m, 0)
     one = Bank(Workspace(model, PSD), prior, excluded)
     return one, rows, one.begin(rows)
 
@@ -120,7 +120,7 @@ def test_a_start_yields_to_a_better_one_until_it_has_explained_a_window():
     model = state.build([A, RADAR, INS])
     rows = small.to_rows(small.fly([A, RADAR, INS], 1.0), model)
     rows.value[(rows.sensor == 0) & (rows.channel == ELEVATION)] *= -1.0
-    small.start.places(rows, model.offset, model.rotation, model.is_ins, np.nan, 0)
+    small.proposals.places(rows, model.offset, model.rotation, model.is_ins, np.nan, 0)
     one, seen = Bank(Workspace(model, PSD), NOTHING), 3
     assert one.begin(Rows(*(column[:seen] for column in rows)))
     assert off(one, Rows(*(column[:seen] for column in rows)))[1] > 100.0
@@ -156,7 +156,7 @@ def test_a_start_that_another_sensor_contradicts_is_ambiguous_until_one_confirms
     assert one.ambiguous(long_after).all()
     one.redecide(rows, 0)
     assert one.ambiguous(long_after).all()  # whatever their rows say, they cannot tell
-    small.start.places(rows, *one.space.model[2:4], one.space.model.is_ins, np.nan, 0)
+    small.proposals.places(rows, *one.space.model[2:4], one.space.model.is_ins, np.nan, 0)
     rows.value[:] = small.to_rows(small.fly([A, B], 1.0), one.space.model).value
     one.best.own.weight[:] = 1.0
     one.redecide(rows, 0)
@@ -211,183 +211,3 @@ def test_two_that_contradict_each_other_are_ambiguous():
     assert found
     assert ambiguous(one)
     assert np.sqrt(np.trace(one.spread[:3, :3])) > 20.0
-
-
-# ---- challengers
-
-
-def shifted(flight, sensors, path):
-    """The ``flight`` with the target moved aside by ``path``: t_s → (metres (3,), m/s (3,)); in place."""
-    for row in flight:
-        t_s, c, sensor = row["t_ns"] * 1e-9, int(row["channel"]), sensors[row["sensor"]]
-        (p,), (v,) = small.truth(np.array([t_s]))
-        aside, speed = path(t_s)
-        if sensor.kind == "ins":
-            row["value"] += [*aside, *speed][c - E]
-        else:
-            moved, here = (small.polar(sensor, p + k * aside, v + k * speed)[c] for k in (1, 0))
-            row["value"] += moved - here
-
-
-def later(sensors, *, path=None, spoil=None, seed=1):
-    """(bank with an incumbent that has decided a first second, the rows of 1.5 s after that)."""
-    model = state.build(sensors)
-    flight = small.fly(sensors, 2.5, seed=seed)
-    if path is not None:
-        shifted(flight, sensors, path)
-    rows = small.to_rows(flight, model)
-    if spoil:
-        spoil(rows)
-    first = int(np.searchsorted(rows.t, 1_000_000_000))
-    before, after = (Rows(*(c[part] for c in rows)) for part in (slice(0, first), slice(first, None)))
-    one = Bank(Workspace(model, PSD), Prior())
-    assert one.begin(before)
-    one.best.commit(before, first, one.best.settle(before, first), 1.0)
-    own = outcome(len(after.t))
-    own.weight[:] = 1.0
-    one.best.judged(Outcome(*(np.concatenate(both) for both in zip(one.best.own, own, strict=True))))
-    return one, after
-
-
-def jump(size, at_s):
-    """All of a sudden ``size`` metres aside."""
-    return lambda t_s: ((t_s >= at_s) * size * np.array([0.6, -0.8, 0.0]), np.zeros(3))
-
-
-def pull(acceleration, at_s):
-    """A steady acceleration aside from ``at_s`` on."""
-    way = acceleration * np.array([0.0, 0.6, 0.8])
-    return lambda t_s: (0.5 * max(0.0, t_s - at_s) ** 2 * way, max(0.0, t_s - at_s) * way)
-
-
-def test_no_challenge_when_all_is_well():
-    one, rows = later([INS, A, B, RADAR])
-    incumbent = one.best
-    one.redecide(rows, 0)
-    assert one.best is incumbent
-    assert incumbent.shortfall < bank.SHORTFALL
-    assert not ambiguous(one)
-    assert not one.spread.any()
-
-
-def test_outliers_are_no_reason_to_begin_again():
-    def spoil(rows):
-        at = np.random.default_rng(0).permutation(len(rows.t))[:20]
-        rows.value[at] += 40 * np.sqrt(rows.stated[at])
-
-    one, rows = later([INS, A, B, RADAR], spoil=spoil)
-    anchor = one.best.anchor.t_ns
-    one.redecide(rows, 0)
-    assert not one.best.young
-    assert one.best.anchor.t_ns == anchor
-    assert off(one, rows)[1] < 1.0
-
-
-def test_who_explains_too_little_is_challenged_at_once_and_then_after_twice_the_time():
-    one, _, _ = begun([A, B])
-    one.best.shortfall = bank.SHORTFALL
-    asked = [t_ns for t_ns in range(100, 1000, 50) if one._asks(t_ns, 0)]
-    assert asked == [100, 150, 200, 300, 500, 900]
-    assert not one._asks(950, 99)
-    assert one._asks(950, 100)  # the first of the rows in doubt is about to be decided
-
-
-def test_who_explains_less_than_when_it_was_challenged_is_so_at_once():
-    one, _, _ = begun([A, B])
-    assert not one._asks(0, -1)
-    for t_ns, shortfall, asks in [(0, 2.5, True), (50, 2.4, True), (60, 2.3, False), (61, 2.4, False),
-                                  (62, 2.5, True), (63, 1.9, False), (64, 2.1, True)]:  # fmt: skip
-        one.best.shortfall = shortfall
-        assert one._asks(t_ns, -1) == asks
-
-
-def test_challengers_that_lost_are_not_tried_on_the_same_rows_again(monkeypatch):
-    def spoil(rows):
-        at = np.random.default_rng(0).permutation(len(rows.t))[:60]
-        rows.value[at] += 40 * np.sqrt(rows.stated[at])
-
-    one, rows = later([INS, A, B, RADAR], spoil=spoil)
-    incumbent, tried = one.best, []
-    manoeuvre = challengers.manoeuvre
-    monkeypatch.setattr(challengers, "manoeuvre", lambda *given: tried.append(given) or manoeuvre(*given))
-    one._asked = bank.Asked(int(rows.t[0]), int(rows.t[-1]) - 1, np.inf)
-    one.redecide(rows, 0)
-    assert not tried
-    one._asked = None
-    one.redecide(rows, 0)
-    assert len(tried) == 1
-    assert one.best is incumbent
-    assert one._asked == (rows.t[-1], rows.t[-1], incumbent.shortfall)
-
-
-@pytest.mark.parametrize("liar", range(3))
-def test_the_bank_finds_one_of_three_that_is_wrong_throughout(liar):
-    def spoil(rows):
-        at = np.flatnonzero(rows.sensor == liar)
-        rows.value[at] += 40.0 * np.sqrt(rows.stated[at])
-
-    model = state.build(equal := [A, B, small.theodolite("c", (-500.0, 700.0, 0.0))])
-    one, rows = later(equal)
-    spoil(rows)
-    small.start.places(rows, model.offset, model.rotation, model.is_ins, np.nan, 0)
-    for _ in range(2):
-        one.redecide(rows, 0)
-    assert off(one, rows)[1] < 2.0
-    assert (one.best.own.weight[rows.sensor == liar] < status.DOUBT).mean() > 0.9
-    assert (one.best.own.weight[rows.sensor != liar] > status.DOUBT).mean() > 0.9
-
-
-@pytest.mark.parametrize(("size", "at_s"), [(50.0, 1.3), (50.0, 1.0), (500.0, 1.0), (5000.0, 1.0)])
-def test_after_a_jump_of_everything_the_state_is_where_all_say(size, at_s):
-    """Within the window, where only another start explains its end, or before its first row."""
-    path = jump(size, at_s)
-    one, rows = later([INS, A, B, RADAR], path=path)
-    for _ in range(2):
-        one.redecide(rows, 0)
-    p, _ = small.truth(rows.t[-1:] * 1e-9)
-    assert np.linalg.norm(one.best.head.x[:3] - p[0] - path(2.5)[0]) < 3.0
-    after = rows.t >= at_s * 1e9 + 100_000_000
-    assert (one.best.own.weight[after & (rows.sensor > 0)] > status.DOUBT).mean() > 0.9
-
-
-@pytest.mark.parametrize("acceleration", [30.0, 100.0, 300.0])
-def test_a_manoeuvre_is_followed_and_nobody_refused_for_it(acceleration):
-    path = pull(acceleration, 1.7)
-    one, rows = later([INS, A, B, RADAR], path=path)
-    for _ in range(3):
-        one.redecide(rows, 0)
-    t_s = rows.t[-1] * 1e-9
-    p, v = small.truth(np.array([t_s]))
-    assert np.linalg.norm(one.best.head.x[:3] - p[0] - path(t_s)[0]) < 3.0
-    assert np.linalg.norm(one.best.head.x[3:6] - v[0] - path(t_s)[1]) < 0.1 * acceleration
-    assert (one.best.own.weight[rows.sensor > 0] > status.DOUBT).mean() > 0.95
-
-
-def test_a_manoeuvre_begins_before_it_is_seen():
-    one, rows = later([INS, A, B, RADAR])
-    seen = rows.t[-1] - 200_000_000
-    one.best.own.weight[:] = rows.t < seen
-    begin = challengers.onset(one.best, rows)
-    assert rows.t[begin] == rows.t[rows.t >= rows.t[rows.t >= seen][0] - challengers.LEAD_NS][0]
-
-
-@pytest.mark.parametrize("about", [{"estimate": ("bias",)}, {"slow": 4.0}], ids=str)
-def test_a_restart_keeps_what_is_known_of_an_instruments_errors(about):
-    sensors = [A._replace(**about), B, RADAR]
-    one, _rows = later(sensors)
-    at = one.space.model.bias_at[0, RANGE]
-    one.best.slow = np.array([[-1.0, 0.0, 0.0], [1.0, 1.0, 1.0]])
-    one.best.anchor.x[at], one.best.anchor.P[at, at] = 7.0, 0.04
-    x, P = np.zeros(len(one.best.anchor.x)), state.prior_covariance(one.space.model)
-    challengers.keep_errors(one.best, x, P)
-    assert x[at] == 7.0
-    assert P[at, at] == pytest.approx(4 * 0.04)
-    one.best.anchor.P[at, at] = 1e6
-    challengers.keep_errors(one.best, x, P)
-    assert P[at, at] == pytest.approx(one.space.model.prior[at])
-    one.best.slow[0, 0] = 1.0  # an error that may be larger than stated
-    challengers.keep_errors(one.best, x, P)
-    assert P[at, at] == pytest.approx(one.space.model.prior[at] * (np.e if "slow" in about else 1.0))
-
-
-# ---- doubt

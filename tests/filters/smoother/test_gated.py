@@ -11,6 +11,7 @@ from filters.models.update import weight
 from filters.smoother import gated, passes, status
 from filters.smoother.buffer import Rows, outcome
 from tests.filters.smoother.kit import small
+from tests.filters.smoother.test_hypothesis import hypothesis
 
 pytestmark = pytest.mark.decision
 
@@ -270,3 +271,20 @@ def test_a_range_rate_ties_nothing_down_nor_does_an_excluded_sensor(channel, tie
     rows = small.as_rows([(0.0, 0, channel, small.polar(sensor, x[:3], x[3:6])[channel])], model)
     *_, told = admit(model, rows, x, P, excluded=excluded)
     assert told.fixed[0] == (ties and excluded != 0)
+
+
+def test_rows_taken_one_by_one_or_together_are_judged_alike():
+    """What was made of them lies in one place, which grows; a copy has its own."""
+    one, rows, model = hypothesis(small.four())
+    one.judged(outcome(0))
+    other, told = one.copy(), gated.epoch_states(len(rows.t), len(model.prior))
+    one.admit(rows, told, gated.BY_STATUS, NEVER)
+    for k in np.flatnonzero(np.diff(rows.t, prepend=-1)):
+        epoch = Rows(*(column[rows.t == rows.t[k]] for column in rows))
+        before = other.copy()
+        other.admit(epoch, told, gated.BY_STATUS, NEVER)
+        assert len(before.own.weight) == k
+    for together, single in zip(one.own, other.own, strict=True):
+        assert (together == single).all()
+    before.own.weight[:] = -1.0
+    assert (other.own.weight >= 0.0).all()

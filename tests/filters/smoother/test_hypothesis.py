@@ -66,23 +66,6 @@ def test_a_right_model_is_as_likely_as_it_expects(seed):
     assert abs(one.shortfall) < 4.0
 
 
-def test_rows_taken_one_by_one_or_together_are_judged_alike():
-    """What was made of them lies in one place, which grows; a copy has its own."""
-    one, rows, model = hypothesis(small.four())
-    one.judged(outcome(0))
-    other, told = one.copy(), gated.epoch_states(len(rows.t), len(model.prior))
-    one.admit(rows, told, gated.BY_STATUS, NEVER)
-    for k in np.flatnonzero(np.diff(rows.t, prepend=-1)):
-        epoch = Rows(*(column[rows.t == rows.t[k]] for column in rows))
-        before = other.copy()
-        other.admit(epoch, told, gated.BY_STATUS, NEVER)
-        assert len(before.own.weight) == k
-    for together, single in zip(one.own, other.own, strict=True):
-        assert (together == single).all()
-    before.own.weight[:] = -1.0
-    assert (other.own.weight >= 0.0).all()
-
-
 def test_nothing_is_expected_of_an_excluded_sensor():
     one, rows, _ = hypothesis([small.theodolite()], excluded=0)
     spoil(rows, np.arange(10), 50.0)

@@ -1,20 +1,30 @@
-"""Where to begin: what the instruments themselves say about the place, with nothing known before.
+"""Other explanations of the same rows: where to begin, and who may challenge an incumbent.
 
 `places` gives every measurement of range, azimuth and elevation the position that it stands for (with a
 height known beforehand, of range and azimuth). It is no measurement of its own: it is where a prediction that
 is too wide is linearised, so that a start and a gap need no update of another kind. `candidates` are first
 states around such places, and around the crossings of two lines of sight.
+
+    starts      nothing known before: a candidate of each sensor and its rows, then all rows
+    again       the incumbent's anchor, from other weights: all rows open, annealed, or as another bank has it
+    running     rows after the begin of a run stay closed in their channel
+    manoeuvre   the incumbent's anchor, with a much wilder motion from just before the misfits begin
+
+Who of them wins is the `bank`'s.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from filters.models.kernel import kernel
 from filters.models.motion import CORE
-from filters.models.rows import AZIMUTH, ELEVATION, RANGE, VE, E, N, U
+from filters.models.rows import AZIMUTH, CHANNELS, ELEVATION, RANGE, VE, E, N, U
 from filters.models.state import Model, prior_covariance
-from filters.smoother.buffer import Rows
+from filters.smoother import adaptation, status
+from filters.smoother.buffer import Rows, outcome
+from filters.smoother.hypothesis import Hypothesis, Moment, Workspace
 
 PLACE_SIGMA_M, PLACE_SHARE = 1e3, 0.3  # of a first state about its place, m, and share of the distance: much
 # more than the place is worth, and not so much that the covariance loses its digits
@@ -23,6 +33,16 @@ SPEED_SIGMA_MPS = 300.0  # … about what its own places show
 ACCELERATION_SIGMA_MPS2 = 20.0
 TOGETHER_NS = 100_000_000  # two lines of sight so close in time cross where the target is
 PARALLEL = 1e-4  # squared sine of the angle between two lines of sight that do not cross
+LEAD_NS = 100_000_000  # a jerk is under way for so long before a position shows it: (6 · 0.1 m / 600 m/s³)^⅓
+MISFIT = 5.0  # rows that one misfit outweighs in the search for where a manoeuvre began
+FASTEST_MPS = 1000.0  # 1-sigma per axis of the speeds that there are
+
+
+class Prior(NamedTuple):
+    """What is known of the target before it is seen."""
+
+    height_m: float = np.nan
+    height_sigma_m: float = np.nan
 
 
 @kernel
@@ -163,3 +183,89 @@ def state(
     if np.isfinite(height_m):  # and keeps it
         x[5], P[5, 5], P[8, 8] = 0.0, 0.0, 0.0
     return x, P
+
+
+def again(incumbent: Hypothesis, rows: Rows, weight: np.ndarray, *, annealed: bool) -> Hypothesis:
+    """The same anchor, from other weights (k,)."""
+    trial = incumbent.copy()
+    trial.own.weight[:] = np.where(rows.sensor == trial.excluded, 0.0, weight)
+    trial.settle(rows, 0, annealed=annealed)
+    return trial
+
+
+def running(incumbent: Hypothesis, rows: Rows) -> np.ndarray:
+    """(k,) bool: rows from the begin of a run in their channel on, if some are used all the same."""
+    found, outlier = np.zeros(len(rows.t), bool), incumbent.own.weight < status.DOUBT
+    name = rows.sensor.astype(np.int64) * len(CHANNELS) + rows.channel
+    for one in np.unique(name[outlier]):
+        mine = np.flatnonzero(name == one)
+        if len(mine) < status.PATCH_ROWS:
+            continue
+        together = np.convolve(outlier[mine], np.ones(status.PATCH_ROWS), "valid") == status.PATCH_ROWS
+        if together.any():
+            since = mine[np.argmax(together) :]
+            found[since] = not outlier[since].all()
+    return found & (rows.sensor != incumbent.excluded)
+
+
+def manoeuvre(incumbent: Hypothesis, rows: Rows) -> Hypothesis:
+    """The same anchor; from where the misfits begin, all rows open again and a much wilder motion."""
+    trial, begin = incumbent.copy(), onset(incumbent, rows)
+    own = trial.own
+    own.weight[begin:] = rows.sensor[begin:] != trial.excluded
+    own.regime[:begin], own.regime[begin:] = 1, 0
+    trial.psd_before = trial.psd
+    trial.psd = adaptation.wilder(trial.psd, trial.space.prior_psd)
+    trial.settle(rows, 0, annealed=True)
+    trial.settle(rows, 0)
+    return trial
+
+
+def onset(incumbent: Hypothesis, rows: Rows) -> int:
+    """The first row of a manoeuvre: somewhat before the one from which on there are more misfits.
+
+    That by a cumulative sum, reversed (Page 1954).
+    """
+    outlier = (incumbent.own.weight < status.DOUBT) & (rows.sensor != incumbent.excluded)
+    seen = int(len(outlier) - 1 - np.argmax(np.cumsum((MISFIT * outlier - 1.0)[::-1])))
+    return int(np.searchsorted(rows.t, rows.t[seen] - LEAD_NS))
+
+
+def starts(
+    space: Workspace, rows: Rows, prior: Prior, incumbent: Hypothesis | None, excluded: int, slow: np.ndarray
+) -> list[Hypothesis]:
+    """From what each sensor but the one ``excluded`` says; what an ``incumbent`` knows of errors is kept.
+
+    ``slow``: see `Hypothesis`.
+    """
+    model, trials = space.model, []
+    usable = Rows(*(column[rows.sensor != excluded] for column in rows))
+    if not len(usable.t):
+        return trials
+    for s, x, P in candidates(model, usable, prior.height_m, prior.height_sigma_m):
+        if incumbent is not None:
+            keep_errors(incumbent, x, P)
+        anchor = Moment(int(usable.t[0]), x, P, status.fresh_memory(len(model.is_ins)))
+        trial = Hypothesis(space, anchor, excluded)
+        trial.follow(slow)
+        if incumbent is not None:
+            trial.scale, trial.motion, trial.psd = incumbent.scale, incumbent.motion, incumbent.usual_psd
+        trial.judged(outcome(len(rows.t)))
+        trial.own.weight[:] = rows.sensor == s
+        trial.settle(rows, 0)
+        trial.settle(rows, 0)
+        trial.log_evidence -= 0.5 * float(np.sum((trial.head.x[3:6] / FASTEST_MPS) ** 2))
+        trials.append(trial)
+    return trials
+
+
+def keep_errors(incumbent: Hypothesis, x: np.ndarray, P: np.ndarray) -> None:
+    """The instruments' errors keep what is known of them, twice as unsure; in place."""
+    model, known = incumbent.space.model, incumbent.anchor
+    kept = np.setdiff1d(model.bias_at[~model.is_ins], [-1])
+    both = np.ix_(kept, kept)
+    usual = adaptation.slow_factors(incumbent.slow, model)[kept - CORE]
+    wide, most = 4.0 * known.P[both], model.prior[kept] * np.maximum(usual, 1.0)
+    shrink = np.sqrt(np.minimum(1.0, most / np.maximum(np.diag(wide), 1e-300)))
+    x[kept] = known.x[kept]
+    P[both] = shrink[:, None] * wide * shrink  # never wider than the prior, and still a covariance

@@ -6,8 +6,10 @@ import pytest
 from filters.models import state
 from filters.models.motion import CORE
 from filters.models.rows import AZIMUTH, ELEVATION, RANGE, E
-from filters.smoother import start
+from filters.smoother import proposals
+from tests.filters.smoother.apart.test_challengers import later
 from tests.filters.smoother.kit import small
+from tests.filters.smoother.test_bank import INS, RADAR, A, B
 
 pytestmark = pytest.mark.decision
 
@@ -35,7 +37,7 @@ def seen(sensors, *, p=HERE, t=0.0, only=None):
 
 
 def place(model, rows, height=np.nan, begin=0):
-    start.places(rows, model.offset, model.rotation, model.is_ins, height, begin)
+    proposals.places(rows, model.offset, model.rotation, model.is_ins, height, begin)
     return rows
 
 
@@ -79,7 +81,7 @@ def test_no_place_without_elevation_and_height():
 
 
 def fixes(model, rows, height=np.nan):
-    return start.fixes(model, place(model, rows, height), height)
+    return proposals.fixes(model, place(model, rows, height), height)
 
 
 def test_an_ins_and_an_instrument_fix_what_they_say():
@@ -139,26 +141,26 @@ def test_the_line_stands_30_percent_outliers(seed):
     p = at + t[:, None] * speed + rng.normal(size=(40, 3))
     bad = rng.permutation(40)[:12]
     p[bad] += rng.normal(scale=1e4, size=(12, 3))
-    found, velocity = start._line(t, p)
+    found, velocity = proposals._line(t, p)
     assert np.abs(found - at).max() < 4.0
     assert np.abs(velocity - speed).max() < 5.0
 
 
 def test_the_line_is_exact_without_noise():
     t = np.array([0.0, 0.1, 0.35, 0.9])
-    found, velocity = start._line(t, 5.0 + t[:, None] * [1.0, -2.0, 3.0])
+    found, velocity = proposals._line(t, 5.0 + t[:, None] * [1.0, -2.0, 3.0])
     assert np.allclose(found, 5.0)
     assert np.allclose(velocity, [1.0, -2.0, 3.0])
 
 
 def test_one_fix_stands_still():
-    found, velocity = start._line(np.array([0.3]), np.array([[1.0, 2.0, 3.0]]))
+    found, velocity = proposals._line(np.array([0.3]), np.array([[1.0, 2.0, 3.0]]))
     assert found.tolist() == [1.0, 2.0, 3.0]
     assert velocity.tolist() == [0.0, 0.0, 0.0]
 
 
 def test_fixes_all_at_one_time_give_their_middle():
-    found, velocity = start._line(np.zeros(3), np.array([[0.0, 0, 0], [1, 1, 1], [50, 50, 50]]))
+    found, velocity = proposals._line(np.zeros(3), np.array([[0.0, 0, 0], [1, 1, 1], [50, 50, 50]]))
     assert found.tolist() == [1.0, 1.0, 1.0]
     assert not velocity.any()
 
@@ -175,7 +177,7 @@ def flight(sensors, seconds=1.0, **path):
 
 def test_every_sensor_with_a_fix_has_its_first_state():
     model, rows = flight([small.ins(), small.theodolite("a", (0, -300, 0)), passive("b", (500, 0, 0))])
-    found = start.candidates(model, rows, np.nan, np.nan)
+    found = proposals.candidates(model, rows, np.nan, np.nan)
     p, v = small.truth(np.zeros(1))
     assert [s for s, *_ in found] == [0, 1]
     for s, x, P in found:
@@ -184,12 +186,12 @@ def test_every_sensor_with_a_fix_has_its_first_state():
         assert not x[6:].any()
         assert np.array_equal(P, P.T)
         assert np.allclose(np.diag(P)[CORE:], np.diag(state.prior_covariance(model))[CORE:])
-        assert np.sqrt(P[0, 0]) == start.PLACE_SIGMA_M
+        assert np.sqrt(P[0, 0]) == proposals.PLACE_SIGMA_M
 
 
 def test_a_known_height_is_the_states():
     model, rows = flight([small.theodolite()])
-    _, x, P = start.candidates(model, rows, 180.0, 4.0)[0]
+    _, x, P = proposals.candidates(model, rows, 180.0, 4.0)[0]
     assert x[2] == 180.0
     assert P[2, 2] == 16.0
 
@@ -197,12 +199,42 @@ def test_a_known_height_is_the_states():
 def test_where_only_lines_of_sight_say_it_the_place_is_known_to_a_share():
     sensors = [passive("a", (0, 0, 0)), passive("b", (900, 300, 10))]
     model, rows = flight(sensors)
-    s, x, P = start.candidates(model, rows, np.nan, np.nan)[0]
+    s, x, P = proposals.candidates(model, rows, np.nan, np.nan)[0]
     p, _ = small.truth(np.zeros(1))
     assert np.linalg.norm(x[:3] - p[0]) < 5.0
-    assert np.sqrt(P[0, 0]) == pytest.approx(start.NEAR * np.linalg.norm(x[:3] - sensors[s].offset_m))
+    assert np.sqrt(P[0, 0]) == pytest.approx(proposals.NEAR * np.linalg.norm(x[:3] - sensors[s].offset_m))
 
 
 def test_nothing_said_nothing_begun():
     model, rows = flight([passive("a", (0, 0, 0))])
-    assert start.candidates(model, rows, np.nan, np.nan) == []
+    assert proposals.candidates(model, rows, np.nan, np.nan) == []
+
+
+# ---- challengers
+
+
+def test_a_manoeuvre_begins_before_it_is_seen():
+    one, rows = later([INS, A, B, RADAR])
+    seen = rows.t[-1] - 200_000_000
+    one.best.own.weight[:] = rows.t < seen
+    begin = proposals.onset(one.best, rows)
+    assert rows.t[begin] == rows.t[rows.t >= rows.t[rows.t >= seen][0] - proposals.LEAD_NS][0]
+
+
+@pytest.mark.parametrize("about", [{"estimate": ("bias",)}, {"slow": 4.0}], ids=str)
+def test_a_restart_keeps_what_is_known_of_an_instruments_errors(about):
+    sensors = [A._replace(**about), B, RADAR]
+    one, _rows = later(sensors)
+    at = one.space.model.bias_at[0, RANGE]
+    one.best.slow = np.array([[-1.0, 0.0, 0.0], [1.0, 1.0, 1.0]])
+    one.best.anchor.x[at], one.best.anchor.P[at, at] = 7.0, 0.04
+    x, P = np.zeros(len(one.best.anchor.x)), state.prior_covariance(one.space.model)
+    proposals.keep_errors(one.best, x, P)
+    assert x[at] == 7.0
+    assert P[at, at] == pytest.approx(4 * 0.04)
+    one.best.anchor.P[at, at] = 1e6
+    proposals.keep_errors(one.best, x, P)
+    assert P[at, at] == pytest.approx(one.space.model.prior[at])
+    one.best.slow[0, 0] = 1.0  # an error that may be larger than stated
+    proposals.keep_errors(one.best, x, P)
+    assert P[at, at] == pytest.approx(one.space.model.prior[at] * (np.e if "slow" in about else 1.0))

@@ -1,0 +1,162 @@
+"""Challengers of an incumbent that win and that lose, and when they are tried."""
+
+import numpy as np
+import pytest
+
+from filters.models import state
+from filters.models.motion import PSD
+from filters.models.rows import E
+from filters.smoother import bank, proposals, status
+from filters.smoother.bank import Bank
+from filters.smoother.buffer import Outcome, Rows, outcome
+from filters.smoother.hypothesis import Workspace
+from filters.smoother.proposals import Prior
+from tests.filters.smoother.kit import small
+from tests.filters.smoother.test_bank import INS, RADAR, A, B, ambiguous, begun, off
+
+
+def shifted(flight, sensors, path):
+    """The ``flight`` with the target moved aside by ``path``: t_s → (metres (3,), m/s (3,)); in place."""
+    for row in flight:
+        t_s, c, sensor = row["t_ns"] * 1e-9, int(row["channel"]), sensors[row["sensor"]]
+        (p,), (v,) = small.truth(np.array([t_s]))
+        aside, speed = path(t_s)
+        if sensor.kind == "ins":
+            row["value"] += [*aside, *speed][c - E]
+        else:
+            moved, here = (small.polar(sensor, p + k * aside, v + k * speed)[c] for k in (1, 0))
+            row["value"] += moved - here
+
+
+def later(sensors, *, path=None, spoil=None, seed=1):
+    """(bank with an incumbent that has decided a first second, the rows of 1.5 s after that)."""
+    model = state.build(sensors)
+    flight = small.fly(sensors, 2.5, seed=seed)
+    if path is not None:
+        shifted(flight, sensors, path)
+    rows = small.to_rows(flight, model)
+    if spoil:
+        spoil(rows)
+    first = int(np.searchsorted(rows.t, 1_000_000_000))
+    before, after = (Rows(*(c[part] for c in rows)) for part in (slice(0, first), slice(first, None)))
+    one = Bank(Workspace(model, PSD), Prior())
+    assert one.begin(before)
+    one.best.commit(before, first, one.best.settle(before, first), 1.0)
+    own = outcome(len(after.t))
+    own.weight[:] = 1.0
+    one.best.judged(Outcome(*(np.concatenate(both) for both in zip(one.best.own, own, strict=True))))
+    return one, after
+
+
+def jump(size, at_s):
+    """All of a sudden ``size`` metres aside."""
+    return lambda t_s: ((t_s >= at_s) * size * np.array([0.6, -0.8, 0.0]), np.zeros(3))
+
+
+def pull(acceleration, at_s):
+    """A steady acceleration aside from ``at_s`` on."""
+    way = acceleration * np.array([0.0, 0.6, 0.8])
+    return lambda t_s: (0.5 * max(0.0, t_s - at_s) ** 2 * way, max(0.0, t_s - at_s) * way)
+
+
+def test_no_challenge_when_all_is_well():
+    one, rows = later([INS, A, B, RADAR])
+    incumbent = one.best
+    one.redecide(rows, 0)
+    assert one.best is incumbent
+    assert incumbent.shortfall < bank.SHORTFALL
+    assert not ambiguous(one)
+    assert not one.spread.any()
+
+
+def test_outliers_are_no_reason_to_begin_again():
+    def spoil(rows):
+        at = np.random.default_rng(0).permutation(len(rows.t))[:20]
+        rows.value[at] += 40 * np.sqrt(rows.stated[at])
+
+    one, rows = later([INS, A, B, RADAR], spoil=spoil)
+    anchor = one.best.anchor.t_ns
+    one.redecide(rows, 0)
+    assert not one.best.young
+    assert one.best.anchor.t_ns == anchor
+    assert off(one, rows)[1] < 1.0
+
+
+def test_who_explains_too_little_is_challenged_at_once_and_then_after_twice_the_time():
+    one, _, _ = begun([A, B])
+    one.best.shortfall = bank.SHORTFALL
+    asked = [t_ns for t_ns in range(100, 1000, 50) if one._is_due(t_ns, 0)]
+    assert asked == [100, 150, 200, 300, 500, 900]
+    assert not one._is_due(950, 99)
+    assert one._is_due(950, 100)  # the first of the rows in doubt is about to be decided
+
+
+def test_who_explains_less_than_when_it_was_challenged_is_so_at_once():
+    one, _, _ = begun([A, B])
+    assert not one._is_due(0, -1)
+    for t_ns, shortfall, asks in [(0, 2.5, True), (50, 2.4, True), (60, 2.3, False), (61, 2.4, False),
+                                  (62, 2.5, True), (63, 1.9, False), (64, 2.1, True)]:  # fmt: skip
+        one.best.shortfall = shortfall
+        assert one._is_due(t_ns, -1) == asks
+
+
+def test_challengers_that_lost_are_not_tried_on_the_same_rows_again(monkeypatch):
+    def spoil(rows):
+        at = np.random.default_rng(0).permutation(len(rows.t))[:60]
+        rows.value[at] += 40 * np.sqrt(rows.stated[at])
+
+    one, rows = later([INS, A, B, RADAR], spoil=spoil)
+    incumbent, tried = one.best, []
+    manoeuvre = proposals.manoeuvre
+    monkeypatch.setattr(proposals, "manoeuvre", lambda *given: tried.append(given) or manoeuvre(*given))
+    one._challenge = bank.Challenge(int(rows.t[0]), int(rows.t[-1]) - 1, np.inf)
+    one.redecide(rows, 0)
+    assert not tried
+    one._challenge = None
+    one.redecide(rows, 0)
+    assert len(tried) == 1
+    assert one.best is incumbent
+    assert one._challenge == (rows.t[-1], rows.t[-1], incumbent.shortfall)
+
+
+@pytest.mark.parametrize("liar", range(3))
+def test_the_bank_finds_one_of_three_that_is_wrong_throughout(liar):
+    def spoil(rows):
+        at = np.flatnonzero(rows.sensor == liar)
+        rows.value[at] += 40.0 * np.sqrt(rows.stated[at])
+
+    model = state.build(equal := [A, B, small.theodolite("c", (-500.0, 700.0, 0.0))])
+    one, rows = later(equal)
+    spoil(rows)
+    small.proposals.places(rows, model.offset, model.rotation, model.is_ins, np.nan, 0)
+    for _ in range(2):
+        one.redecide(rows, 0)
+    assert off(one, rows)[1] < 2.0
+    assert (one.best.own.weight[rows.sensor == liar] < status.DOUBT).mean() > 0.9
+    assert (one.best.own.weight[rows.sensor != liar] > status.DOUBT).mean() > 0.9
+
+
+@pytest.mark.parametrize(("size", "at_s"), [(50.0, 1.3), (50.0, 1.0), (500.0, 1.0), (5000.0, 1.0)])
+def test_after_a_jump_of_everything_the_state_is_where_all_say(size, at_s):
+    """Within the window, where only another start explains its end, or before its first row."""
+    path = jump(size, at_s)
+    one, rows = later([INS, A, B, RADAR], path=path)
+    for _ in range(2):
+        one.redecide(rows, 0)
+    p, _ = small.truth(rows.t[-1:] * 1e-9)
+    assert np.linalg.norm(one.best.head.x[:3] - p[0] - path(2.5)[0]) < 3.0
+    after = rows.t >= at_s * 1e9 + 100_000_000
+    assert (one.best.own.weight[after & (rows.sensor > 0)] > status.DOUBT).mean() > 0.9
+
+
+@pytest.mark.parametrize("acceleration", [30.0, 100.0, 300.0])
+def test_a_manoeuvre_is_followed_and_nobody_refused_for_it(acceleration):
+    path = pull(acceleration, 1.7)
+    one, rows = later([INS, A, B, RADAR], path=path)
+    for _ in range(3):
+        one.redecide(rows, 0)
+    t_s = rows.t[-1] * 1e-9
+    p, v = small.truth(np.array([t_s]))
+    assert np.linalg.norm(one.best.head.x[:3] - p[0] - path(t_s)[0]) < 3.0
+    assert np.linalg.norm(one.best.head.x[3:6] - v[0] - path(t_s)[1]) < 0.1 * acceleration
+    assert (one.best.own.weight[rows.sensor > 0] > status.DOUBT).mean() > 0.95
