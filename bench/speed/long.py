@@ -4,12 +4,14 @@ INS 35 Hz and three instruments 20 Hz, with record and messages as in a live run
 table says after each part of the flight what is resident, and at its end which code holds what has grown.
 """
 
+import heapq
 import os
 import random
 import tempfile
 import threading
 import time
 import tracemalloc
+from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -113,22 +115,28 @@ def own_mb() -> float:
 def _fly(session: Session, seconds: float, part: int) -> None:
     noise = random.Random(part)
     begin_ns = T0_NS + round(part * seconds * 1e9)
-    due = sorted(
-        (begin_ns + round(k / rate * 1e9), name)
-        for name, rate in RATES_HZ.items()
-        for k in range(int(seconds * rate))
-    )
-    ends = begin_ns + (np.arange(1, int(seconds / TURN_S) + 1) * TURN_S * 1e9).astype(np.int64)
-    cuts = np.searchsorted([t_ns for t_ns, _ in due], ends)
-    taken = 0
-    for end_ns, cut in zip(ends.tolist(), cuts.tolist(), strict=True):
+    due = planned(begin_ns, seconds)
+    follows = next(due, None)
+    for turn in range(1, int(seconds / TURN_S) + 1):
+        end_ns = begin_ns + int(turn * TURN_S * 1e9)
         heard: dict[str, list] = {}
-        for t_ns, name in due[taken:cut]:
+        while follows and follows[0] < end_ns:
+            t_ns, name = follows
             heard.setdefault(name, []).append(live.measure(name, t_ns, noise))
-        taken = cut
+            follows = next(due, None)
         for name, found in heard.items():
             _enter(session, name, found, end_ns)
         session.advance(session.align.due_ns(end_ns))
+
+
+def planned(begin_ns: int, seconds: float) -> Iterator[tuple[int, str]]:
+    """When who measures, in order, made as it is asked for: a list of it is more than the flight keeps."""
+    return heapq.merge(*(_beats(name, begin_ns, seconds) for name in RATES_HZ))
+
+
+def _beats(name: str, begin_ns: int, seconds: float) -> Iterator[tuple[int, str]]:
+    rate = RATES_HZ[name]
+    return ((begin_ns + round(k / rate * 1e9), name) for k in range(int(seconds * rate)))
 
 
 def _enter(session: Session, name: str, found: list, arrival_ns: int) -> None:
