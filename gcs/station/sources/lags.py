@@ -64,10 +64,10 @@ class Voter:
         if self.drift:  # one look that a delay has disturbed does not end it, a jump does
             since_s, step_s = known[-1] - known[-2]
             jumped = abs(step_s) > JUMP * since_s
-            self.drift *= not jumped and (_goes_on(known, self.drift) or _goes_on(known[:-1], self.drift))
+            self.drift *= not jumped and max(_share(known, self.drift), _share(known[:-1], self.drift)) > 0.5
             return
         found = line(known)
-        self.drift = found if _goes_on(known, found) else 0.0
+        self.drift = found if found and 0.5 < _share(known, found) < 1.5 else 0.0
 
     def span_ns(self) -> int:
         return self.lags[-1][0] - self.lags[0][0]
@@ -103,7 +103,10 @@ def line(known: np.ndarray) -> float:
     return 0.0
 
 
-def _goes_on(known: np.ndarray, slope: float) -> bool:
-    """Have the last two seconds of lags (n, 2) half of a slope to one and a half?"""
+def _share(known: np.ndarray, slope: float) -> float:
+    """How much of a slope the last two seconds of lags (n, 2) have, 1: as steep.
+
+    A drift that goes on may be steeper than it was found: a lag is of a whole second, so it begins slowly.
+    """
     (before_s, before), (then_s, then) = known[-min(len(known), RECENT)], known[-1]
-    return abs(then - before - slope * (then_s - before_s)) < abs(slope) / 2 * (then_s - before_s)
+    return (then - before) / (slope * (then_s - before_s))

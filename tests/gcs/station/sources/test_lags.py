@@ -66,6 +66,14 @@ def test_a_drift_lasts_until_it_no_longer_goes_on_as_it_began():
     assert not any(drifted(Voter(), [0.0] * 10 + [-0.005] * 20 + [0.0] * 10)[34:])
 
 
+def test_a_drift_that_was_found_while_its_lag_still_hung_goes_on():
+    """A lag is the least of a whole second: a line begins less steep than it is, as here."""
+    steps = [0.0] * 10 + [0.0006, 0.0018, 0.003, 0.0046, 0.0047, 0.0039, 0.0033, 0.0046]
+    found = drifted(Voter(), steps + [0.007] * 20)
+    assert found[19]
+    assert all(found[19:])
+
+
 def test_a_drift_goes_on_through_silence():
     found = drifted(Voter(), [0.0] * 10 + [0.005] * 50, range(30, 38))
     assert all(found[20:])
