@@ -28,7 +28,7 @@ from filters.smoother.buffer import MeasurementBuffer, Rows, faults, refusals
 from filters.smoother.hypothesis import LONG_AGO_NS, Workspace
 from filters.smoother.integrity import protection, report
 from filters.smoother.proposals import Prior
-from filters.smoother.snapshots import Progress, Snapshots, mark_type
+from filters.smoother.snapshots import Progress, Snapshots, Withdrawals, WrongClock, mark_type
 from filters.smoother.window import Window
 
 CELL_NS = 250_000_000  # data time between two re-decisions at the shortest lag
@@ -65,6 +65,7 @@ class FixedLagSmoother:
         progress = Progress([Bank(space, prior, excluded) for excluded in (-1, *others)], len(sensors))
         self._buffer = MeasurementBuffer(self.model.variance, keep)
         self._window = Window(space, self._buffer, progress, keep, robust=self._robust)
+        self._withdrawals = Withdrawals(self._window, settings.height_m)
         self._snapshots = Snapshots(progress, keep(mark_type(len(self.model.prior), len(sensors))))
         self._smoothed: list[np.ndarray] = []  # and final, not handed out yet
         self._separations: list[np.ndarray] = []  # not handed out yet
@@ -96,6 +97,11 @@ class FixedLagSmoother:
         verdicts = joined([refused, buffer.changes()], VERDICT)
         apart, self._separations = joined(self._separations, SEPARATION), []
         return Step(joined(parts, TRACK), self._take_smoothed(), verdicts, apart)
+
+    def take_back(self, sensor: int, wrong: WrongClock) -> None:
+        """Forget what ``sensor`` has said since its clock went wrong; only where rows are judged again."""
+        if self._robust:
+            self._withdrawals.ask(sensor, wrong)
 
     def finish(self) -> Step:
         """Decide what is left. No step may follow."""
@@ -134,6 +140,7 @@ class FixedLagSmoother:
         good = new[~bad]
         if len(good) and buffer.done and good["t_ns"].min() <= buffer.view(buffer.done - 1, buffer.done).t[0]:
             self._window.now = self._snapshots.rewind(good["t_ns"].min(), buffer)
+            self._withdrawals.rewound()
         twice = buffer.insert(good, np.nan)
         why = np.concatenate([fault[bad], np.full(len(twice), status.TWICE)])
         return refusals(joined([new[bad], twice], ROW), why)
@@ -256,6 +263,7 @@ class FixedLagSmoother:
     def _close(self, boundary_ns: int) -> None:
         """End the cell: decide again, move the anchors, take a snapshot."""
         buffer, now, left = self._buffer, self._now, np.zeros(0, TRACK)
+        self._withdrawals.step(boundary_ns)
         if now.best is not None:
             lag_ns = self._window.lag_ns(self.settings)
             every = max(1, round(lag_ns / CELLS_PER_LAG / CELL_NS))

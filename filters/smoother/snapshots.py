@@ -2,23 +2,30 @@
 
 At the end of every cell a snapshot of the estimator's progress is kept, until it is older than the latest row
 that may come. What its rows were decided to be is final then. Of the final ones, one a second keeps its
-anchor: the flight is smoothed from mark to mark.
+anchor: the flight is smoothed from mark to mark. Anchors of the last seconds are kept to take back what a
+wrong clock has taught.
 """
 
 from array import array
+from collections import deque
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from filters.models.rows import CHANNELS, TRACK
 from filters.models.store import Store
-from filters.smoother import status
+from filters.smoother import passes, status, tracks
 from filters.smoother.bank import Bank
-from filters.smoother.buffer import MeasurementBuffer
+from filters.smoother.buffer import MeasurementBuffer, Outcome, Rows
 from filters.smoother.hypothesis import LONG_AGO_NS, Hypothesis, Moment
 
+if TYPE_CHECKING:  # the window uses this file
+    from filters.smoother.window import Window
+
 MARK_NS = 1_000_000_000
+KEPT, APART_NS = 16, 1_000_000_000  # anchors to go back to, and how far apart
+NOT_YET = -(2**62)
 
 
 class Reset(NamedTuple):
@@ -142,3 +149,115 @@ class Snapshots:
         left = [snapshot.left for snapshot in self._kept[1:]]
         self._kept = self._kept[-1:]
         return left
+
+
+class WrongClock(NamedTuple):
+    """A clock that went wrong, flight time in ns."""
+
+    before_ns: int  # it was right until then
+    newest_ns: int  # its newest row that was taken before it was found out
+    moved_s: float = 0.0  # when it goes right again: how far from where it was
+
+
+class Anchors(NamedTuple):
+    """Where one can go forward from."""
+
+    row: int  # the first one after it
+    of: tuple[Moment | None, ...]  # the banks
+
+
+class Withdrawals:
+    """What a sensor has said since its clock went wrong is taken back, once that is found out.
+
+    By then its rows are decided: they have moved the target, and with it the slow errors and the clocks of
+    all others. So each bank goes forward anew from an anchor of before, over the rows since as they were
+    decided, but for those of that sensor: what comes out is what would be known without them. The verdicts
+    stay as they were.
+    """
+
+    def __init__(self, window: "Window", height_m: float):
+        self._window, self._height_m = window, height_m
+        self._past: deque[Anchors] = deque(maxlen=KEPT)
+        self._asked: dict[int, tuple[WrongClock, int]] = {}  # by sensor; and the cell in which it was done
+
+    def ask(self, sensor: int, wrong: WrongClock) -> None:
+        """Take back what ``sensor`` has said since, as soon as its newest row is decided."""
+        before, done_ns = self._asked.get(sensor, (None, NOT_YET))
+        if before and before.before_ns == wrong.before_ns and done_ns != NOT_YET:  # it is right again
+            for bank in self._window.now.banks:
+                for one in (bank.best, bank.alternative and bank.alternative.hypothesis):
+                    if one is not None:
+                        self._widen(sensor, one.anchor.P, wrong.moved_s)
+                        self._widen(sensor, one.head.P, wrong.moved_s)
+        else:
+            done_ns = NOT_YET
+        self._asked[sensor] = wrong, done_ns
+
+    def rewound(self) -> None:
+        """A late row has taken the window back: what was done since is undone."""
+        now, decided = self._window.now, self._window.buffer.decided
+        while self._past and self._past[-1].row > decided:
+            self._past.pop()
+        for sensor, (wrong, done_ns) in self._asked.items():
+            if done_ns > now.boundary_ns:
+                self._asked[sensor] = wrong, NOT_YET
+
+    def step(self, boundary_ns: int) -> None:
+        """Do what can be done at the end of a cell, and note the anchors."""
+        now, buffer = self._window.now, self._window.buffer
+        if now.best is None:
+            return
+        for sensor, (wrong, done_ns) in self._asked.items():
+            if done_ns == NOT_YET and wrong.newest_ns <= now.best.anchor.t_ns:
+                self._take_back(sensor, wrong)
+                self._asked[sensor] = wrong, boundary_ns
+        newest = self._past[-1].of[0] if self._past else None
+        if newest is None or now.best.anchor.t_ns - newest.t_ns >= APART_NS:
+            self._past.append(
+                Anchors(buffer.decided, tuple(bank.best and bank.best.anchor for bank in now.banks))
+            )
+
+    def _take_back(self, sensor: int, wrong: WrongClock) -> None:
+        """Of who was never right there is nothing to go back to; then its clock alone is open again."""
+        now, buffer, moved_s = self._window.now, self._window.buffer, np.inf
+        began = now.resets[-1].row if now.resets else 0
+        right = [
+            one for one in self._past if one.row >= began and one.of[0] and one.of[0].t_ns <= wrong.before_ns
+        ]
+        if right and right[-1].row < buffer.decided:
+            self._go_forward(right[-1], sensor)
+            moved_s = wrong.moved_s
+        for bank in now.banks:
+            if bank.best is not None:
+                self._widen(sensor, bank.best.anchor.P, moved_s)
+                bank.best.settle(buffer.view(buffer.decided, buffer.done), 0)
+
+    def _go_forward(self, past: Anchors, sensor: int) -> None:
+        window, buffer = self._window, self._window.buffer
+        rows, own = tracks.recalled(window.space.model, buffer, past.row, buffer.decided, self._height_m)
+        first = int(own.regime.min())
+        own.regime[:] -= first
+        densities = window.densities.read(first, first + int(own.regime.max()) + 1)["psd"].copy()
+        for bank, anchor in zip(window.now.banks, past.of, strict=True):
+            if bank.best is not None and anchor is not None:
+                self._again(bank, anchor, rows, own, densities, sensor)
+        while self._past[-1].row > past.row:
+            self._past.pop()
+
+    def _again(
+        self, bank: Bank, anchor: Moment, rows: Rows, own: Outcome, densities: np.ndarray, sensor: int
+    ) -> None:
+        """From an ``anchor`` of before over (k,) ``rows`` that are decided, without ``sensor``."""
+        space = self._window.space
+        left = (rows.sensor == sensor) | (rows.sensor == bank.excluded)
+        own = own._replace(weight=np.where(left, np.float32(0.0), own.weight))
+        x, P, out = anchor.x.copy(), anchor.P.copy(), passes.trace(len(rows.t), len(anchor.x), 0)
+        t_ns = passes.forward(space.model, rows, own, densities, x, P, anchor.t_ns, 0, out, space.work)
+        bank.best.anchor = Moment(int(t_ns), x, P, bank.best.anchor.memory)
+        bank.alternative = None
+
+    def _widen(self, sensor: int, P: np.ndarray, moved_s: float) -> None:
+        """Its clock is by so much less sure; by as much as before the first row, at most. In place."""
+        at = self._window.space.model.clock_at[sensor]
+        if at >= 0:
+            P[at, at] += min(moved_s**2, self._window.space.model.prior[at])

@@ -81,7 +81,7 @@ def smooth(
     for begin, at, fresh in begins:
         if begin >= end:
             continue
-        rows, own = _recalled(model, buffer, begin, end, height_m)
+        rows, own = recalled(model, buffer, begin, end, height_m)
         keep = end - begin
         out = passes.trace(keep, n, keep)
         x, P = at.x.copy(), at.P.copy()
@@ -95,7 +95,7 @@ def smooth(
         end = begin
 
 
-def _recalled(
+def recalled(
     model: Model, buffer: MeasurementBuffer, begin: int, end: int, height_m: float
 ) -> tuple[Rows, Outcome]:
     """Decided rows ``begin`` to ``end`` with their places, for which rows of shortly before are read, too."""
