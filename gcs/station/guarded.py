@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from filters.models.rows import TRACK, VERDICT, Step
+from filters.smoother.estimator import FixedLagSmoother
+from filters.smoother.snapshots import WrongClock
 from gcs.contract.messages import PartHealth
 from gcs.contract.supervision import Backoff, brief, log
 
@@ -99,6 +101,11 @@ class Relay:
             track["reset_counter"] += self._resets
         self._newest = int(step.track["reset_counter"].max(initial=self._newest))
         return step
+
+    def take_back(self, sensor: int, wrong: WrongClock) -> None:
+        """As `FixedLagSmoother.take_back`; the whole filters of the literature take nothing back."""
+        if isinstance(self._now, FixedLagSmoother):
+            self._now.take_back(sensor, wrong)
 
     def finish(self) -> Step:
         step = self._now.finish()

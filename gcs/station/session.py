@@ -17,6 +17,7 @@ from filters.models.settings import Settings
 from filters.models.store import InMemory, Keep
 from filters.screening.channels import ChannelScreening, NoScreening
 from filters.smoother import status
+from filters.smoother.snapshots import WrongClock
 from gcs import __version__
 from gcs.contract import limits
 from gcs.contract.config import Station
@@ -107,6 +108,12 @@ class Session:
     def enter_air(self, samples: np.ndarray) -> None:
         """Take (n,) AIR in."""
         self.air.enter(samples)
+
+    def take_back(self, name: str, before_ns: int, newest_ns: int, moved_s: float) -> None:
+        """What a source has said since its clock went wrong is forgotten; see `WrongClock`."""
+        if name in self.ledger.sensors:
+            wrong = WrongClock(before_ns, newest_ns, moved_s)
+            self.estimator.take_back(self.ledger.sensors.index(name), wrong)
 
     def advance(self, upto_ns: int, events: Sequence[Event] = ()) -> None:
         """One turn of the loop, over everything valid up to ``upto_ns``; the source's ``events`` go along."""

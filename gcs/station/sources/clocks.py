@@ -26,6 +26,7 @@ All is a function of stamps and arrivals, in their order; nothing here reads a c
 from collections import deque
 from collections.abc import Iterable
 from statistics import median
+from typing import NamedTuple
 
 import numpy as np
 
@@ -47,6 +48,15 @@ DRIFTS = "stamped by a clock that drifts"
 FAULTS = ("", AHEAD, BEHIND, DRIFTS)  # what ``FlightClock.judge`` finds, by number
 
 
+class Drift(NamedTuple):
+    """One that is found out, or is over."""
+
+    name: str  # of the source
+    before_ns: int  # its clock was right until then
+    newest_ns: int  # stamp of its newest measurement that was taken
+    moved_s: float = 0.0  # once it is over: how far its clock is from where it was
+
+
 class FlightClock:
     """Hears of every turn's stamps first, settles on a time, then judges them."""
 
@@ -65,6 +75,7 @@ class FlightClock:
         self._common_ns = 0.0  # by how much most lags have grown
         self._first_ns = 0  # the flight's time when the first turn came
         self.told: list[tuple[str, str]] = []  # (level, text) of what has happened, for whoever takes it
+        self.drifts: list[Drift] = []  # the same
 
     @property
     def now_ns(self) -> int:
@@ -128,6 +139,7 @@ class FlightClock:
             fault[fault == 0] = 3
         if fault.any():
             self._lied(name, voter, int(lags[fault > 0][-1]), arrival_ns)
+        voter.taken_ns = int(t_ns[fault == 0].max(initial=voter.taken_ns))
         return fault
 
     def _watch(self, names: list[str]) -> None:
@@ -141,7 +153,13 @@ class FlightClock:
         self._common_ns += median(steps) if len(steps) > 2 else 0.0
         if len(lags) > 2:
             for name in fast:
-                self._sources[name].watch((now_ns - self._began_ns) / S, (lags[name] - self._common_ns) / S)
+                voter, drifted = self._sources[name], bool(self._sources[name].drift)
+                voter.watch((now_ns - self._began_ns) / S, (lags[name] - self._common_ns) / S)
+                if voter.drift and not drifted:
+                    voter.right_ns = self.now_ns - round(voter.lied_s * S)
+                    self.drifts.append(Drift(name, voter.right_ns, voter.taken_ns))
+                elif drifted and not voter.drift:
+                    self.drifts.append(Drift(name, voter.right_ns, voter.taken_ns, voter.moved_s()))
 
     def _ahead_ns(self) -> int:
         return round(min(AHEAD_NS, self._near_ns / 2) * (1.0 - self._rate))

@@ -20,6 +20,7 @@ AHEAD_LINE, BEHIND_LINE = 4, 9  # … and at least, of one that goes down, and u
 RECENT = 5  # … and two seconds of them
 KNOWN = 9  # … and of all, for their noise
 CLEAR, WORST = 8.0, 5.0  # how often a line's rise is its scatter, and the worst step before it
+LONGEST_S = (LINE * WATCH_NS + SPAN_NS) / S  # a drift has begun less than so long before it is found
 DRIFT, JUMP = 0.003, 0.1  # a crystal keeps to 0.0001; above is no drift
 
 
@@ -30,6 +31,9 @@ class Voter:
         self.lags: deque[tuple[int, int]] = deque(maxlen=256)  # (arrival, lag of the promptest) by turn
         self.lied_ns: int | None = None  # arrival of its newest lie, None while it is right
         self._usual: tuple[float, float] | None = None  # (rate, its lag at that rate when it spoke last)
+        self.taken_ns = 0  # stamp of the newest measurement of it that was taken
+        self.right_ns, self.right_s = 0, np.nan  # when it was right for the last time; its lag then, as below
+        self.lied_s = 0.0  # for how long it had drifted, at most, when that was found
         self.drift = 0.0  # of its clock, s/s of lag; 0 while there is none
         self._apart: deque[tuple[float, float]] = deque(maxlen=WATCHED)  # time, lag beyond others', s
 
@@ -68,6 +72,16 @@ class Voter:
             return
         found = line(known)
         self.drift = found if found and 0.5 < _share(known, found) < 1.5 else 0.0
+        if self.drift:
+            before = known[known[:, 0] <= now_s - LONGEST_S, 1]
+            self.right_s = float(np.median(before[-RECENT:])) if len(before) else np.nan
+            lied_s = (apart_s - self.right_s) / self.drift  # where the line meets what was before
+            self.lied_s = min(lied_s + SPAN_NS / S, LONGEST_S) if lied_s > 0.0 else LONGEST_S
+
+    def moved_s(self) -> float:
+        """How far its clock is from where it was before its drift; infinite where that is not known."""
+        moved = abs(self._apart[-1][1] - self.right_s)
+        return moved if moved == moved else np.inf
 
     def span_ns(self) -> int:
         return self.lags[-1][0] - self.lags[0][0]

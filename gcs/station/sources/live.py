@@ -151,6 +151,8 @@ def turn(session: Session, feeds: Arrivals, arrived: Arrived, arrival_ns: int) -
             feeds.clock.hear(name, np.array(stamps), arrival_ns)
         feeds.waiting.append((arrival_ns, name, found))
     if feeds.clock.settle(arrival_ns):
+        while feeds.clock.drifts:
+            session.take_back(*feeds.clock.drifts.pop(0))
         _enter_waiting(session, feeds)
     session.advance(session.align.due_ns(arrival_ns), feeds.events())
 

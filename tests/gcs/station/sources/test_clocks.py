@@ -147,6 +147,26 @@ def test_a_clock_that_drifts_is_refused_after_some_seconds_and_back_within_two(r
     assert any("and drifts: refused" in text for _, text in played.told)
 
 
+@pytest.mark.parametrize("left_s", [0.0, 0.1])
+def test_of_a_clock_that_drifts_it_is_told_when_it_was_right_and_how_far_it_is_at_the_end(left_s):
+    def drift(t_s):
+        lies = (t_s >= 12.0) & (t_s < 32.0)
+        return np.where(lies, -0.01 * (t_s - 12.0), np.where(t_s < 12.0, 0.0, left_s))
+
+    played = Played(45.0, theo_a=drift)
+    was, now = played.clock.drifts
+    assert was.name == now.name == "theo-a"
+    assert BEGAN_NS < was.before_ns == now.before_ns < BEGAN_NS + 12 * S
+    assert was.before_ns < was.newest_ns < BEGAN_NS + 17.5 * S
+    assert was.moved_s == 0.0
+    assert now.moved_s == pytest.approx(left_s, abs=0.01)
+
+
+def test_who_drifts_from_the_first_row_on_was_never_right():
+    played = Played(30.0, theo_a=lambda t_s: np.where(t_s < 20.0, 0.01 * t_s, 0.0))
+    assert [now.moved_s for now in played.clock.drifts] == [0.0, np.inf]
+
+
 def test_who_is_late_from_the_first_row_is_refused_from_the_first_row():
     """Heard once, it may have a stall behind it, but not from before the flight's first turn."""
     played = Played(5.0, theo_a=since(0.0, -10.0))
