@@ -32,6 +32,7 @@ from filters.smoother.passes import Scores
 from filters.smoother.proposals import Prior
 
 SHORTFALL = 2.0  # standard deviations of the log evidence below which the model is thought to be wrong
+CHANCE = 1.0  # … by which it changes from one window to the next
 WRONG = 6.0  # … and below which it surely is
 LOST = 12.0  # … for a method that decides at first sight and takes outliers in its stride
 ODDS_MANOEUVRE, ODDS_START = np.log(0.1), np.log(1e-2)  # prior odds in any one window
@@ -184,7 +185,7 @@ class Bank:
             return False
         since_ns = t_ns if last is None else last.since_ns
         due = last is None or decided_ns >= since_ns or t_ns - last.t_ns >= last.t_ns - since_ns
-        if due or short > last.shortfall:
+        if due or short > last.shortfall + CHANCE:
             self._challenge = Challenge(since_ns, t_ns, short)
         return self._challenge is not last
 

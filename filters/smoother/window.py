@@ -118,7 +118,8 @@ class Window:
         buffer, now = self.buffer, self.now
         rows, main = buffer.view(buffer.decided, buffer.done), now.banks[0]
         now.redecided_ns = int(rows.t[-1]) if len(rows.t) else now.redecided_ns
-        self._take_turns(rows, due=cut > 0)
+        if cut:
+            self._take_turns(rows)
         if self.robust:
             without = [bank.best for bank in now.banks[1:] if bank.best is not None]
             found = main.redecide(rows, cut, without)
@@ -137,11 +138,11 @@ class Window:
         if bank.best.young:
             now.resets += (Reset(decided, bank.best.anchor.copy(), bank.reason),)
 
-    def _take_turns(self, rows: Rows, *, due: bool) -> None:
-        """The banks without a sensor look at the window in turn, and where they are surprised."""
-        self.now.turn = (self.now.turn + due) % TURNS
+    def _take_turns(self, rows: Rows) -> None:
+        """The banks without a sensor look at the window in turn, and where they were surprised."""
+        self.now.turn = (self.now.turn + 1) % TURNS
         for k, bank in enumerate(self.now.banks[1:]):
-            turn = due and self.now.turn == k % TURNS
+            turn = self.now.turn == k % TURNS
             if bank.best is None:
                 if turn:
                     bank.begin(rows, self.now.best.own.weight)

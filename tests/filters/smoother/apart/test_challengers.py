@@ -94,8 +94,8 @@ def test_who_explains_too_little_is_challenged_at_once_and_then_after_twice_the_
 def test_who_explains_less_than_when_it_was_challenged_is_so_at_once():
     one, _, _ = begun([A, B])
     assert not one._is_due(0, -1)
-    for t_ns, shortfall, asks in [(0, 2.5, True), (50, 2.4, True), (60, 2.3, False), (61, 2.4, False),
-                                  (62, 2.5, True), (63, 1.9, False), (64, 2.1, True)]:  # fmt: skip
+    for t_ns, shortfall, asks in [(0, 2.5, True), (50, 2.4, True), (60, 2.3, False), (61, 3.3, False),
+                                  (62, 3.5, True), (63, 1.9, False), (64, 2.1, True)]:  # fmt: skip
         one.best.shortfall = shortfall
         assert one._is_due(t_ns, -1) == asks
 
