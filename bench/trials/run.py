@@ -10,6 +10,7 @@ import numpy as np
 from bench.trials import peers
 from bench.trials.scene import Scene
 from bench.trials.world import TRACK, VERDICT, methods, simulate
+from filters.models.rows import joined
 from filters.models.settings import Settings
 
 BATCH_S = 0.25
@@ -52,7 +53,7 @@ def follow(one, rows: np.ndarray, clock_ns: np.ndarray, batch_s: float = BATCH_S
     smoothed = one.smooth()
     cpu_s = time.process_time() - began
     tracks, _, verdicts, *_ = zip(*steps, strict=True)
-    return Run(_joined(tracks, TRACK), smoothed, _last(_joined(verdicts, VERDICT)), one.report(), cpu_s)
+    return Run(joined(tracks, TRACK), smoothed, _last(joined(verdicts, VERDICT)), one.report(), cpu_s)
 
 
 def tried(scene: Scene, make: Callable, order: str = "time", told: bool = False) -> Run:
@@ -60,12 +61,6 @@ def tried(scene: Scene, make: Callable, order: str = "time", told: bool = False)
     kept = scene.labels == simulate.NONE if told else np.ones(len(scene.rows), bool)
     clock_ns = scene.rows["t_ns"] if order == "time" else scene.arrival_ns
     return follow(make(scene.sensors), scene.rows[kept], clock_ns[kept])
-
-
-def _joined(parts, dtype) -> np.ndarray:
-    """Parts of one kind; an estimator may have more fields than ``dtype``."""
-    filled = [part for part in parts if len(part)]
-    return np.concatenate(filled) if filled else np.zeros(0, dtype)
 
 
 def _last(verdicts: np.ndarray) -> np.ndarray:

@@ -22,7 +22,18 @@ from filters.baselines.interacting import REASONS, Followed, Mixture, follow
 from filters.models import motion
 from filters.models import state as models
 from filters.models.motion import CORE
-from filters.models.rows import CHANNELS, DEWEIGHTED, ROW, TRACK, USED, VERDICT, Sensor, Step, rehearsal
+from filters.models.rows import (
+    CHANNELS,
+    DEWEIGHTED,
+    ROW,
+    TRACK,
+    USED,
+    VERDICT,
+    Sensor,
+    Step,
+    joined,
+    rehearsal,
+)
 from filters.models.settings import Settings
 from filters.smoother import buffer, passes, proposals, status
 from filters.smoother.integrity import report as reports
@@ -74,7 +85,7 @@ class Baseline:
     def step(self, rows: np.ndarray) -> Step:
         """Take in ``rows`` (n,) ROW in order of time."""
         late = rows["t_ns"] < self._newest_ns
-        tracks, verdicts = [np.zeros(0, TRACK)], [_refused(rows[late], status.TOO_OLD)]
+        tracks, verdicts = [], [_refused(rows[late], status.TOO_OLD)]
         rows = rows[~late]
         self._newest_ns = max(self._newest_ns, rows["t_ns"].max(initial=self._newest_ns))
         while True:
@@ -90,7 +101,7 @@ class Baseline:
             tracks.append(track)
             verdicts.append(judged)
             rows = rows[count:]
-        return Step(np.concatenate(tracks), np.zeros(0, TRACK), np.concatenate(verdicts))
+        return Step(joined(tracks, TRACK), np.zeros(0, TRACK), joined(verdicts, VERDICT))
 
     def finish(self) -> Step:
         """Nothing is left to decide; what still waits for a start has none."""
@@ -99,7 +110,7 @@ class Baseline:
 
     def smooth(self) -> np.ndarray:
         """Forward and backward over each stretch with the weights given at first sight, (k,) TRACK."""
-        parts, n = [np.zeros(0, TRACK)], len(self.model.prior)
+        parts, n = [], len(self.model.prior)
         for number, stretch in enumerate(self._stretches):
             if not stretch.rows:
                 continue
@@ -117,7 +128,7 @@ class Baseline:
             passes.backward(self.model, rows, own, densities, end, out, r, N, unused, work)
             first = buffer.epochs(rows.t)
             parts.append(publish(rows.t[first], out.x[first], out.P[first], number))
-        return np.concatenate(parts)
+        return joined(parts, TRACK)
 
     def report(self) -> dict:
         """As `FixedLagSmoother.report`."""
@@ -126,7 +137,7 @@ class Baseline:
 
     def _begin(self) -> np.ndarray:
         """Start from the first START_NS that have a fix; verdicts on older rows, which get no state."""
-        refused = [np.zeros(0, VERDICT)]
+        refused = []
         while len(self._waiting) and np.ptp(self._waiting["t_ns"]) >= START_NS:
             t = self._waiting["t_ns"]
             first = t <= t[0] + START_NS
@@ -139,7 +150,7 @@ class Baseline:
                 continue
             self._lock_on(*_middle(found), int(t[0]))
             break
-        return np.concatenate(refused)
+        return joined(refused, VERDICT)
 
     def _lock_on(self, x: np.ndarray, P: np.ndarray, t_ns: int) -> None:
         """Begin at ``t_ns`` from ``x`` (n,), ``P`` (n, n)."""

@@ -88,7 +88,7 @@ class Step(NamedTuple):
 
 
 def joined(parts: Sequence[np.ndarray], kind: np.dtype) -> np.ndarray:
-    """All records of ``kind`` in ``parts``, in one array; one part alone is not copied.
+    """All records of ``kind`` in ``parts``, of which there may be none; one part alone is not copied.
 
     numpy compares the fields of records that it concatenates, which takes longer than to copy a few.
     """
