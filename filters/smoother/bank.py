@@ -32,9 +32,9 @@ from filters.smoother.passes import Scores
 from filters.smoother.proposals import Prior
 
 SHORTFALL = 2.0  # standard deviations of the log evidence below which the model is thought to be wrong
-CHANCE = 1.0  # … by which it changes from one window to the next
 WRONG = 6.0  # … and below which it surely is
 LOST = 12.0  # … for a method that decides at first sight and takes outliers in its stride
+CHANCE = 1.0  # … by which a shortfall changes from one window to the next
 ODDS_MANOEUVRE, ODDS_START = np.log(0.1), np.log(1e-2)  # prior odds in any one window
 INERTIA = np.log(1e-2)  # prior odds of any change: the incumbent has explained all windows before
 TEMPER = 0.3  # power of the odds: rows of a channel are less independent than the model says
@@ -130,13 +130,10 @@ class Bank:
         self._keep_alternative(top, ranked)
         if self._contradicted:
             self._contradicted = self._witnesses(rows)[0] < 2
-        if len(ranked) == 1:
-            return found
-        if top.hypothesis is best and not keep:
-            return found
         if top.hypothesis is not best:
-            self._challenge = None
-        self.best = top.hypothesis
+            self.best, self._challenge = top.hypothesis, None
+        elif not keep or len(ranked) == 1:  # the trace is the incumbent's still, or nobody reads it
+            return found
         if top in starts:
             if not best.young:  # else it is still the first one's
                 refused = (best.own.weight < status.DOUBT).mean()
@@ -207,10 +204,11 @@ class Bank:
 
         ``weight`` (k,): what is made of the same rows with all sensors.
         """
-        fixes = sorted(self._starts(rows), key=lambda fix: -fix.log_evidence)
+        fixes = self._starts(rows)
         if fixes and weight is not None:
-            fixes.append(proposals.again(fixes[0], rows, weight, annealed=False))
-            fixes.sort(key=lambda fix: -fix.log_evidence)
+            likeliest = max(fixes, key=lambda fix: fix.log_evidence)
+            fixes.append(proposals.again(likeliest, rows, weight, annealed=False))
+        fixes.sort(key=lambda fix: -fix.log_evidence)
         heard = rows.sensor != self.excluded
         good = [(fix.own.weight[heard] > status.DOUBT).mean() >= GOOD_SHARE for fix in fixes]
         trials = [Trial(0.0, fix) for fix, enough in zip(fixes, good, strict=True) if enough]

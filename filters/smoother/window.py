@@ -110,7 +110,7 @@ class Window:
         buffer.judge(buffer.decided, own, verdict, reason)
 
     def redecide(self, cut: int) -> np.ndarray:
-        """Settle all banks, then decide the first ``cut`` rows; their smoothed track (k,) TRACK.
+        """Settle the window, then decide its first ``cut`` rows; their smoothed track (k,) TRACK.
 
         While two explanations of the window are close nothing is decided, for PROOF_NS at most: later rows
         may tell which is right.
