@@ -81,8 +81,8 @@ class Hypothesis:
         return other
 
     def follow(self, slow: np.ndarray) -> None:
-        """Take over ``slow`` (2, s), what is known of how large the slow errors are."""
-        self.slow, self._factors = slow, adaptation.slow_factors(slow, self.space.model)
+        """Take over ``slow`` (2, s), what is known of how large the slow errors are; ``factors`` (n − 9,)."""
+        self.slow, self.factors = slow, adaptation.slow_factors(slow, self.space.model)
 
     def judged(self, own: Outcome) -> None:
         """Begin with what was made of the window's rows."""
@@ -99,7 +99,7 @@ class Hypothesis:
 
     def _with_errors(self, psd: np.ndarray) -> np.ndarray:
         """(n − 5,) the motion's ``psd`` (4,), and how large the slow errors are; see `motion.densities`."""
-        return motion.densities(psd, self._factors)
+        return motion.densities(psd, self.factors)
 
     def admit(self, new: Rows, states: gated.EpochStates, rule: gated.Rule, quiet_ns: int) -> tuple[int, int]:
         """Take ``new`` rows at first sight until one surprises; (rows, epochs) taken.

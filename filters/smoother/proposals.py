@@ -264,8 +264,8 @@ def keep_errors(incumbent: Hypothesis, x: np.ndarray, P: np.ndarray) -> None:
     model, known = incumbent.space.model, incumbent.anchor
     kept = np.setdiff1d(model.bias_at[~model.is_ins], [-1])
     both = np.ix_(kept, kept)
-    usual = adaptation.slow_factors(incumbent.slow, model)[kept - CORE]
-    wide, most = 4.0 * known.P[both], model.prior[kept] * np.maximum(usual, 1.0)
+    usual = np.maximum(incumbent.factors[kept - CORE], 1.0)
+    wide, most = 4.0 * known.P[both], model.prior[kept] * usual
     shrink = np.sqrt(np.minimum(1.0, most / np.maximum(np.diag(wide), 1e-300)))
     x[kept] = known.x[kept]
     P[both] = shrink[:, None] * wide * shrink  # never wider than the prior, and still a covariance

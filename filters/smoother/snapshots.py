@@ -25,7 +25,6 @@ if TYPE_CHECKING:  # the window uses this file
 
 MARK_NS = 1_000_000_000
 KEPT, APART_NS = 16, 1_000_000_000  # anchors to go back to, and how far apart
-NOT_YET = -(2**62)
 
 
 class Reset(NamedTuple):
@@ -178,29 +177,28 @@ class Withdrawals:
     def __init__(self, window: "Window", height_m: float):
         self._window, self._height_m = window, height_m
         self._past: deque[Anchors] = deque(maxlen=KEPT)
-        self._asked: dict[int, tuple[WrongClock, int]] = {}  # by sensor; and the cell in which it was done
+        self._asked: dict[int, tuple[WrongClock, int]] = {}  # by sensor; and when done, LONG_AGO_NS: not yet
 
     def ask(self, sensor: int, wrong: WrongClock) -> None:
         """Take back what ``sensor`` has said since, as soon as its newest row is decided."""
-        before, done_ns = self._asked.get(sensor, (None, NOT_YET))
-        if before and before.before_ns == wrong.before_ns and done_ns != NOT_YET:  # it is right again
+        before, done_ns = self._asked.get(sensor, (None, LONG_AGO_NS))
+        if before and before.before_ns == wrong.before_ns and done_ns != LONG_AGO_NS:  # it is right again
             for bank in self._window.now.banks:
                 for one in (bank.best, bank.alternative and bank.alternative.hypothesis):
                     if one is not None:
                         self._widen(sensor, one.anchor.P, wrong.moved_s)
                         self._widen(sensor, one.head.P, wrong.moved_s)
         else:
-            done_ns = NOT_YET
+            done_ns = LONG_AGO_NS
         self._asked[sensor] = wrong, done_ns
 
     def rewound(self) -> None:
         """A late row has taken the window back: what was done since is undone."""
         now, decided = self._window.now, self._window.buffer.decided
-        while self._past and self._past[-1].row > decided:
-            self._past.pop()
+        self._forget_after(decided)
         for sensor, (wrong, done_ns) in self._asked.items():
             if done_ns > now.boundary_ns:
-                self._asked[sensor] = wrong, NOT_YET
+                self._asked[sensor] = wrong, LONG_AGO_NS
 
     def step(self, boundary_ns: int) -> None:
         """Do what can be done at the end of a cell, and note the anchors."""
@@ -208,7 +206,7 @@ class Withdrawals:
         if now.best is None:
             return
         for sensor, (wrong, done_ns) in self._asked.items():
-            if done_ns == NOT_YET and wrong.newest_ns <= now.best.anchor.t_ns:
+            if done_ns == LONG_AGO_NS and wrong.newest_ns <= now.best.anchor.t_ns:
                 self._take_back(sensor, wrong)
                 self._asked[sensor] = wrong, boundary_ns
         newest = self._past[-1].of[0] if self._past else None
@@ -241,7 +239,10 @@ class Withdrawals:
         for bank, anchor in zip(window.now.banks, past.of, strict=True):
             if bank.best is not None and anchor is not None:
                 self._again(bank, anchor, rows, own, densities, sensor)
-        while self._past[-1].row > past.row:
+        self._forget_after(past.row)
+
+    def _forget_after(self, row: int) -> None:
+        while self._past and self._past[-1].row > row:
             self._past.pop()
 
     def _again(

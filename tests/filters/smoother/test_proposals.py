@@ -226,7 +226,7 @@ def test_a_restart_keeps_what_is_known_of_an_instruments_errors(about):
     sensors = [A._replace(**about), B, RADAR]
     one, _rows = later(sensors)
     at = one.space.model.bias_at[0, RANGE]
-    one.best.slow = np.array([[-1.0, 0.0, 0.0], [1.0, 1.0, 1.0]])
+    one.best.follow(np.array([[-1.0, 0.0, 0.0], [1.0, 1.0, 1.0]]))
     one.best.anchor.x[at], one.best.anchor.P[at, at] = 7.0, 0.04
     x, P = np.zeros(len(one.best.anchor.x)), state.prior_covariance(one.space.model)
     proposals.keep_errors(one.best, x, P)
@@ -235,6 +235,6 @@ def test_a_restart_keeps_what_is_known_of_an_instruments_errors(about):
     one.best.anchor.P[at, at] = 1e6
     proposals.keep_errors(one.best, x, P)
     assert P[at, at] == pytest.approx(one.space.model.prior[at])
-    one.best.slow[0, 0] = 1.0  # an error that may be larger than stated
+    one.best.follow(np.array([[1.0, 0.0, 0.0], [1.0, 1.0, 1.0]]))  # an error that may be larger than stated
     proposals.keep_errors(one.best, x, P)
     assert P[at, at] == pytest.approx(one.space.model.prior[at] * (np.e if "slow" in about else 1.0))
