@@ -74,7 +74,8 @@ def serve(
         stack.callback(finished.set)  # after the session's last word
         say("compiling the filter (once; cached for the next start)")
         feeds = live.BusFeeds(bus, station.sources, station.filter.lateness_s)
-        recorder = RunRecorder(folder, station, frame, _log, _about(method, correction))
+        about = _about(method, correction)
+        recorder = RunRecorder(folder, station, frame, _log, about, feeds.incoming.waiting)
         stack.callback(recorder.end)
         everyone = [*send_to, _note, recorder.target]
         monitor = Monitor(station.sources, feeds, supervisor.health)

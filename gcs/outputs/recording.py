@@ -7,7 +7,7 @@ The layout of the recording: ``gcs/station/sources/recording.py``.
 
 import time
 from collections import Counter, deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from math import isfinite
 from pathlib import Path
@@ -16,7 +16,7 @@ import msgspec
 import numpy as np
 from mcap.writer import Writer
 
-from gcs.contract import messages
+from gcs.contract import messages, steady
 from gcs.contract.config import Station, dump
 from gcs.contract.frames import Frame
 from gcs.contract.messages import ANY, JSON, MSGPACK, AirData, Event, InsMeasurement, PolarMeasurement, State
@@ -26,15 +26,17 @@ from gcs.outputs.record import Record
 from gcs.outputs.tlog import LinkLog
 from gcs.station.session import Update
 from gcs.station.sources.live import Arrived
-from gcs.station.sources.recording import ABOUT, RAW, RECORDING, STATION, TURN, TurnMark
+from gcs.station.sources.recording import ABOUT, RAW, RECORDING, STATION, TURN, WAITING, TurnMark
 
 LINK = "link.tlog"
-FLUSH_S = 0.2  # a kill costs at most so much, and what has come in since the last turn
+FLUSH_S = 0.2  # a kill costs at most about so much
 SYNC_S = 1.0  # … and a power cut: the disk itself is asked less often, for a write may have to wait meanwhile
 CHUNK_BYTES = 2**26  # more than comes in within FLUSH_S: a chunk ends where we say, between two turns
 PATIENCE_S = 20.0  # at the end, for a disk that takes nothing: one that is slow has all the time
 SHOWN = ("state", "event")  # subjects that are recorded, for Foxglove
 MEASUREMENTS = (InsMeasurement, PolarMeasurement, AirData)
+
+Waiting = Callable[[int], Sequence[tuple[int, str, ANY]]]  # (arrival, source, message) of what came since
 
 
 class Chunks:
@@ -83,17 +85,16 @@ class McapFile:
     def turn(self, number: int, now_ns: int, arrived: Arrived) -> None:
         """One turn of the live station, as it was given to it."""
         for source, message in arrived:
-            kind = type(message)
-            media = JSON if all(map(_in_json, msgspec.structs.astuple(message))) else MSGPACK
-            topic = f"{RAW}/{source}" if kind in MEASUREMENTS else f"{RAW}/{source}/{kind.__name__.lower()}"
-            payload, _ = messages.encode(message, media)
-            sent_ns = max(0, getattr(message, "arrival_ns", now_ns))
-            channel = self._channel(kind, topic, source, media)
-            self._writer.add_message(channel, now_ns, payload, sent_ns, number & 0xFFFFFFFF)
+            self._add(RAW, source, now_ns, message, number)
         mark = msgspec.json.encode(TurnMark(number, len(arrived)))
-        self._writer.add_message(self._channel(TurnMark, TURN), now_ns, mark, now_ns, number & 0xFFFFFFFF)
+        self._writer.add_message(self._channel(TurnMark, TURN, {}), now_ns, mark, now_ns, number & 0xFFFFFFFF)
         self._chunks.units += 1
         self.tick()
+
+    def waiting(self, found: Sequence[tuple[int, str, ANY]]) -> None:
+        """What has come, and no turn has taken yet: it is here twice, once a turn has."""
+        for arrival_ns, source, message in found:
+            self._add(WAITING, source, arrival_ns, message, 0)
 
     def tick(self) -> None:
         """Between two turns: on to the disk with them, when it is time."""
@@ -125,11 +126,20 @@ class McapFile:
             self._writer.finish()
             self._chunks.flush()
 
+    def _add(self, topic: str, source: str, now_ns: int, message: ANY, number: int) -> None:
+        kind = type(message)
+        media = JSON if all(map(_in_json, msgspec.structs.astuple(message))) else MSGPACK
+        whole = f"{topic}/{source}" if kind in MEASUREMENTS else f"{topic}/{source}/{kind.__name__.lower()}"
+        payload, _ = messages.encode(message, media)
+        sent_ns = max(0, getattr(message, "arrival_ns", now_ns))
+        channel = self._channel(kind, whole, {"source" if topic == RAW else "waits_of": source}, media)
+        self._writer.add_message(channel, now_ns, payload, sent_ns, number & 0xFFFFFFFF)
+
     def _show(self, now_ns: int, shown: foxglove.Shown) -> None:
-        channel = self._channel(type(shown), foxglove.TOPICS[type(shown)])
+        channel = self._channel(type(shown), foxglove.TOPICS[type(shown)], {})
         self._writer.add_message(channel, now_ns, msgspec.json.encode(shown), now_ns)
 
-    def _channel(self, kind: type, topic: str, source: str = "", media: str = JSON) -> int:
+    def _channel(self, kind: type, topic: str, about: dict[str, str], media: str = JSON) -> int:
         """The channel of a topic, made when it is new."""
         known = self._channels.get((topic, media))
         if known is not None:
@@ -137,7 +147,6 @@ class McapFile:
         name = f"{'foxglove' if kind in foxglove.TOPICS else 'gcs'}.{kind.__name__}"
         text = msgspec.json.encode(foxglove.schema(kind) | {"title": name})
         schema = self._writer.register_schema(name, "jsonschema", text) if media == JSON else 0
-        about = {"source": source} if source else {}
         channel = self._writer.register_channel(topic, media.rpartition("/")[2], schema, about)
         self._channels[topic, media] = channel
         return channel
@@ -156,17 +165,26 @@ class RunRecorder:
         """As the record's."""
         return self._record.missing
 
-    def __init__(self, folder: Path, station: Station, frame: Frame, tell: Tell, about: dict[str, str]):
-        self._tell = tell
+    def __init__(
+        self,
+        folder: Path,
+        station: Station,
+        frame: Frame,
+        tell: Tell,
+        about: dict[str, str],
+        waiting: Waiting = lambda _after_ns: (),
+    ):
+        self._tell, self._waiting = tell, waiting
         self._notes: deque[tuple[str, str]] = deque()  # what the writing thread has to say
         self._folder = folder
         self._mcap = McapFile(RunFile(folder / RECORDING, self.note), station, about)
-        self._beside = Beside(self._mcap.tick)
+        self._beside = Beside(self._meanwhile)
         self._record = Record(folder, station, frame, self.note, self._beside.goes_on)
         self._link = LinkLog(folder / LINK, self.note)
         self._refused: Counter = Counter()  # by file
         self._behind = False
         self._turns = self._now_ns = 0
+        self._waited_ns = 0  # arrival of the newest message recorded before any turn has taken it
 
     def turn(self, now_ns: int, arrived: Arrived) -> None:
         """The tap: called with each turn before anything is decided."""
@@ -227,6 +245,15 @@ class RunRecorder:
     def note(self, level: str, text: str) -> None:
         """What the operator should know, from the thread that writes: told with the next turn."""
         self._notes.append((level, text))
+
+    def _meanwhile(self) -> None:
+        """Whatever a turn is doing for so long, a kill now must not cost what has come since."""
+        if steady.now_ns() - self._now_ns >= FLUSH_S * 1e9:
+            found = self._waiting(max(self._now_ns, self._waited_ns))
+            if found:
+                self._waited_ns = found[-1][0]
+                self._mcap.waiting(found)
+        self._mcap.tick()
 
     def _close(self, summary: dict, best: np.ndarray) -> None:
         lost = self._refused + Counter(

@@ -160,6 +160,12 @@ class Inbox:
             self.arrived_ns = found[-1][1] if found else now_ns()
         return losses + [(source, item) for _, _, source, item, _ in found]
 
+    def waiting(self, after_ns: int) -> list[tuple[int, str, Any]]:
+        """(arrival, source, item) of what came after ``after_ns`` and waits; it is not taken."""
+        with self._filled:
+            found = list(heapq.merge(*(queue.waiting for queue in self._queues.values())))
+        return [one[1:4] for one in found if one[1] > after_ns]
+
     def leave(self) -> list[tuple[str, Any]]:
         """At the end: all that was lost and is not told yet, and what still waits as lost too."""
         with self._filled:

@@ -3,6 +3,7 @@
 import threading
 import time
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from typing import Any, Protocol
 
 import msgspec
@@ -92,6 +93,18 @@ class Subscription:
             yield self._inbox.arrived_ns, self._read_all(items)
         yield self._inbox.arrived_ns, self._read_all(items + self._inbox.leave())
 
+    def waiting(self, after_ns: int) -> list[tuple[int, str, ANY]]:
+        """(arrival, source, message) of what came after ``after_ns`` and waits; it is not taken.
+
+        Without what `drain` will give as ``Bad``.
+        """
+        found = []
+        for arrival_ns, key, item in self._inbox.waiting(after_ns):
+            if not isinstance(item, Excess):
+                with suppress(*NOT_OURS):
+                    found.append((arrival_ns, _name(key)[1], _decoded(item)))
+        return found
+
     def push(self, sample: Sample) -> None:
         # Zenoh's thread: a slow callback would stall every key of the session, so nothing else happens here.
         with self._lock:
@@ -126,16 +139,25 @@ class Subscription:
         return [pair for key, item in items if (pair := self._read(key, item))]
 
     def _read(self, key: str, item: Sample | Excess) -> tuple[str, ANY] | None:
-        _, _, subject, source = (key + "///").split("/")[:4]
+        subject, source = _name(key)
         if isinstance(item, Excess):
             what = Bad(source=source, where=key, reason=item.reason, count=item.messages)
             return (source, what) if subject == "raw" else None
-        payload = item.payload.to_bytes()
         try:
-            return source, decode(payload, str(item.encoding))
+            return source, _decoded(item)
         except NOT_OURS as error:
             self.undecodable += 1
             if subject != "raw":
                 return None
-            clipped = payload[:TEXT].decode(errors="replace")
+            clipped = item.payload.to_bytes()[:TEXT].decode(errors="replace")
             return source, Bad(source=source, where=key, reason=str(error)[:TEXT], raw=clipped)
+
+
+def _name(key: str) -> tuple[str, str]:
+    """Subject and source of a key."""
+    _, _, subject, source = (key + "///").split("/")[:4]
+    return subject, source
+
+
+def _decoded(sample: Sample) -> ANY:
+    return decode(sample.payload.to_bytes(), str(sample.encoding))

@@ -8,6 +8,8 @@ topic ``/raw/SOURCE``        what came in, before any decision: JSON as on the b
                              kind of measurement, such as a damaged line: ``/raw/SOURCE/TYPE``
 topic ``/turn``              ends each turn: its number from 0, and how many messages it has. The log time
                              of all of them is the station's clock at that turn
+topic ``/waiting/SOURCE``    what has come while a turn took long, when it came (log time); the turn that
+                             takes it repeats it. Read only where the file ends before that
 ``/state/…  /tf  /events``   the cleaned state and events for Foxglove; a replay does not read them
 ===========================  ==========================================================================
 
@@ -34,7 +36,7 @@ from gcs.station.sources import live
 
 RECORDING = "run.mcap"
 STATION, ABOUT = "station.toml", "gcs"
-TURN, RAW = "/turn", "/raw"
+TURN, RAW, WAITING = "/turn", "/raw", "/waiting"
 MEDIA = {"json": messages.JSON, "msgpack": messages.MSGPACK}
 LARGEST = 2**28  # bytes of one record; a length beyond it is damage
 DAMAGE = (McapError, zstandard.ZstdError, struct.error, ValueError, MemoryError)  # a length that is wrong
@@ -82,20 +84,30 @@ class Recording:
         return RunReplay(self, session)
 
     def turns(self) -> Iterator[Turn]:
-        """Every whole turn, in order. A turn of which a message is missing is left out."""
+        """Every whole turn, in order. A turn of which a message is missing is left out.
+
+        What no turn has taken before the end has a turn each, as at a station that has nothing else to do.
+        """
         channels: dict[int, Channel] = {}
         arrived: list[tuple[str, ANY]] = []
+        waiting: list[tuple[int, str, ANY]] = []
+        number = now_ns = -1
         for record in self._whole():
             if isinstance(record, Channel):
                 channels[record.id] = record
             elif isinstance(record, Message) and (channel := channels.get(record.channel_id)):
                 if source := channel.metadata.get("source"):
                     arrived.append((source, self._decode(record, channel)))
+                elif source := channel.metadata.get("waits_of"):
+                    waiting.append((record.log_time, source, self._decode(record, channel)))
                 elif channel.topic == TURN:
                     mark = msgspec.json.decode(record.data, type=TurnMark)
+                    number, now_ns = mark.number, record.log_time
                     if mark.messages == len(arrived):
-                        yield Turn(mark.number, record.log_time, arrived)
-                    arrived = []
+                        yield Turn(number, now_ns, arrived)
+                    arrived, waiting = [], [one for one in waiting if one[0] > now_ns]
+        for more, (arrival_ns, source, message) in enumerate(waiting, 1):
+            yield Turn(number + more, arrival_ns, [(source, message)])
 
     def _decode(self, record: Message, channel: Channel) -> ANY:
         try:

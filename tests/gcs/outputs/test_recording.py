@@ -3,6 +3,7 @@
 import json
 import threading
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -13,10 +14,10 @@ from pymavlink import mavutil
 from bridges.tlog import flight as tlog_flight
 from bridges.tlog import tlog
 from filters.models.rows import TRACK
-from gcs.contract.messages import Event
+from gcs.contract.messages import Event, InputError
 from gcs.outputs import disk, recording
 from gcs.outputs.recording import RunRecorder
-from gcs.station.sources.recording import Recording
+from gcs.station.sources.recording import Recording, Turn
 from tests.bridges import flights
 from tests.gcs.contract.ends import until
 from tests.gcs.station import made
@@ -157,6 +158,34 @@ def test_a_kill_costs_less_than_a_second(recorder, turns, tmp_path, monkeypatch)
         kept = [turn.now_ns for turn in Recording(tmp_path / "run.mcap").turns()]
         assert now_ns - kept[-1] <= 1e9 * recording.FLUSH_S + made.TURN_NS
     recorder.end()
+
+
+def test_what_comes_while_a_turn_takes_long_is_on_the_disk_too(tmp_path, turns):
+    """The turn takes some of it and never ends: the rest is replayed as it came."""
+    came = [(now_ns, source, message) for now_ns, arrived in turns for source, message in arrived]
+    came = [(now_ns + number, *rest) for number, (now_ns, *rest) in enumerate(came)]
+
+    def waiting(after_ns: int) -> list:
+        return [one for one in came if one[0] > after_ns]
+
+    station, frame = made.station()
+    recorder = RunRecorder(tmp_path, station, frame, lambda *_: None, made.ABOUT, waiting)
+    path, half = tmp_path / "run.mcap", len(came) // 2
+    assert until(lambda: len(kept(path)) == len(came), 10.0)
+    recorder.turn(came[half - 1][0], [(source, message) for _, source, message in came[:half]])
+    assert until(lambda: len(kept(path)) == len(came) - half + 1, 10.0)
+    first, *others = kept(path)
+    assert len(first.arrived) == half
+    assert [(turn.now_ns, *turn.arrived[0]) for turn in others] == came[half:]
+    assert [turn.number for turn in others] == list(range(1, len(others) + 1))
+    recorder.end()
+    assert len(kept(path)) == len(others) + 1
+
+
+def kept(path: Path) -> list[Turn]:
+    with suppress(InputError):  # nothing is in it yet
+        return list(Recording(path).turns())
+    return []
 
 
 def test_a_turn_that_takes_long_does_not_keep_the_ones_before_from_the_disk(recorder, tmp_path):

@@ -194,6 +194,10 @@ def test_what_is_none_of_ours_is_counted_and_on_raw_gets_a_verdict(station, endp
         raw.put(payload)
         state.put(payload)
         raw.put(b'{"type":"PolarMeasurement","t_ns":7,"arrival_ns":7}')
+        assert until(lambda: subscription.waiting(0))
+        [(arrival_ns, source, message)] = subscription.waiting(0)  # the other one is no message
+        assert (source, message.t_ns, subscription.waiting(arrival_ns)) == ("radar", 7, [])
+        assert subscription.undecodable == 0  # it is not taken
         got = collect(subscription, 2)
     assert isinstance(got[0][1], Bad)
     assert (got[0][0], got[0][1].where) == ("radar", "demo/uav1/raw/radar")

@@ -181,6 +181,18 @@ def test_what_was_taken_has_its_time_of_arrival_not_of_reading(clock):
     assert box.arrived_ns == 1065 * inbox.S
 
 
+def test_what_waits_can_be_seen_without_being_taken(clock):
+    box = Inbox(100)
+    put(box, "theo", 1)
+    clock[0] += 1.0
+    put(box, "radar", 1)
+    key = "demo/uav1/raw/"
+    assert box.waiting(0) == [(1000 * inbox.S, f"{key}theo", 0), (1001 * inbox.S, f"{key}radar", 0)]
+    assert [source for _, source, _ in box.waiting(1000 * inbox.S)] == [f"{key}radar"]
+    assert len(box.take(0.0)) == 2
+    assert not box.waiting(0)
+
+
 def test_invented_names_cost_no_memory(clock):
     box = Inbox(1_000)
     for number in range(5_000):
