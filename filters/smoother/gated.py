@@ -93,12 +93,12 @@ def admit(
             own.weight[k], own.residual[k], own.sigma[k] = w, v, sigma
             own.nis[k] = (v / sigma) ** 2
             if w > 0.0:
-                if rule.kind == M1:  # βK is the best gain for a noise that makes the innovation S/β
-                    update(x, P, out.m[0], v, (variance + noise) / w)
-                else:
+                if rule.kind == IGG:
                     update(x, P, out.m[0], v, variance + noise / w)
-                    if rule.kind == STATUS:
-                        spread(P, out.m[0], v, variance + noise, w)
+                else:  # the gain is w K
+                    update(x, P, out.m[0], v, (variance + noise) / w)
+                if rule.kind == STATUS:
+                    spread(P, out.m[0], v, variance + noise, w)
                 fixed |= c < AE and c != RANGE_RATE
         to.t[epoch], to.fixed[epoch] = t_ns, fixed
         to.x[epoch], to.P[epoch] = x, P[:CORE, :CORE]

@@ -146,7 +146,7 @@ def test_by_status_the_weight_is_the_filtered_probability():
 
 
 def test_by_status_a_doubtful_row_leaves_its_spread():
-    """One row of one state: R/w, and beside it w (1 − w) (K v)²."""
+    """One row of one state: the gain is w K, and beside it w (1 − w) (K v)²."""
     model = several(1)
     x, P = start(model, 3.0)
     b = P[0, 0] + model.prior[model.bias_at[0, E]]
@@ -155,7 +155,7 @@ def test_by_status_a_doubtful_row_leaves_its_spread():
     *_, own, _ = admit(model, rows, x, P)
     w, v = float(own.weight[0]), rows.value[0]
     assert 0.1 < w < 0.9
-    left = P0 - P0**2 / (b + R / w)
+    left = P0 - w * P0**2 / (b + R)
     assert P[0, 0] == pytest.approx(left + w * (1 - w) * (P0 / (b + R) * v) ** 2, rel=1e-6)
 
 
