@@ -37,7 +37,10 @@ TRACK = np.dtype(
             "f8",
         ),  # holds although any one sensor lies; inf: nobody else is there, NaN: not told
         ("protection_v_m", "f8"),
-        ("ambiguous", "?"),  # two hypotheses apart from each other are nearly as likely
+        (
+            "ambiguous",
+            "?",
+        ),  # two hypotheses are nearly as likely, or one sensor alone, unproven, says so
     ]
 )
 VERDICT = np.dtype(

@@ -23,10 +23,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from filters.models import runs
 from filters.models.motion import CORE
 from filters.models.rows import AZIMUTH, ELEVATION, RANGE, E, N, U
 from filters.smoother import gated, proposals, status
-from filters.smoother.buffer import Rows
+from filters.smoother.buffer import Rows, scan_ns
 from filters.smoother.hypothesis import LONG_AGO_NS, Hypothesis, Workspace, apart, differ
 from filters.smoother.passes import Scores
 from filters.smoother.proposals import Prior
@@ -34,6 +35,7 @@ from filters.smoother.proposals import Prior
 SHORTFALL = 2.0  # standard deviations of the log evidence below which the model is thought to be wrong
 WRONG = 6.0  # … and below which it surely is
 LOST = 12.0  # … for a method that decides at first sight and takes outliers in its stride
+FEW_ROWS = 60  # so few say too little of whether the model is right: it is challenged at every look
 CHANCE = 1.0  # … by which a shortfall changes from one window to the next
 ODDS_MANOEUVRE, ODDS_START = np.log(0.1), np.log(1e-2)  # prior odds in any one window
 INERTIA = np.log(1e-2)  # prior odds of any change: the incumbent has explained all windows before
@@ -75,12 +77,19 @@ class Bank:
         self._close_call, self.spread = False, np.zeros((CORE, CORE))  # (9, 9) doubt between hypotheses
         self._challenge: Challenge | None = None  # whose challengers have lost
         self._contradicted = False  # by another sensor, since a start by one alone
-        self._proven_ns = 0  # until then a start of one sensor alone may be the middle of its own run
+        self._unproven: tuple[tuple[int, int], ...] = ()  # from when, till when
         self.reason = ""  # of the newest start
 
     def ambiguous(self, t_ns: np.ndarray) -> np.ndarray:
         """(k,) bool: another hypothesis is nearly as likely, or nobody else has confirmed this start yet."""
-        return self._close_call | self._contradicted | (t_ns < self._proven_ns)
+        return self._close_call | self._contradicted | self.unproven(t_ns)
+
+    def unproven(self, t_ns: np.ndarray) -> np.ndarray:
+        """(k,) bool: the state rests on one sensor, whose rows may be a run of outliers from its begin."""
+        found = np.zeros(len(t_ns), bool)
+        for begin_ns, end_ns in self._unproven:
+            found |= (begin_ns <= t_ns) & (t_ns < end_ns)
+        return found
 
     @property
     def undecided(self) -> bool:
@@ -138,7 +147,7 @@ class Bank:
             if not best.young:  # else it is still the first one's
                 refused = (best.own.weight < status.DOUBT).mean()
                 self.reason = f"{refused:.0%} of the window's rows refused: begun again from the sensors"
-            self._put_to_the_proof(rows)
+            self.put_to_the_proof(rows)
         return self.best.settle(rows, keep)
 
     def _challengers(
@@ -158,12 +167,14 @@ class Bank:
             trials.append(Trial(0.0, trial))
             trials.append(Trial(0.0, proposals.again(best, rows, trial.own.weight, annealed=False)))
         fixes = self._starts(rows) if best.young else []
-        if len(rows.t) and self._is_due(int(rows.t[-1]), int(rows.t[keep - 1]) if keep else LONG_AGO_NS):
+        few = len(rows.t) < FEW_ROWS
+        decided_ns = int(rows.t[keep - 1]) if keep else LONG_AGO_NS
+        if len(rows.t) and (few or self._is_due(int(rows.t[-1]), decided_ns)):
             again = proposals.again(best, rows, np.ones(len(rows.t)), annealed=True)
             wilder = proposals.manoeuvre(best, rows)
             trials += [Trial(0.0, again), Trial(ODDS_MANOEUVRE, wilder)]
             unexplained = min(again.shortfall, wilder.shortfall) > SHORTFALL
-            if not fixes and (unexplained or best.shortfall > WRONG):
+            if not fixes and (few or unexplained or best.shortfall > WRONG):
                 fixes = self._starts(rows)
         if fixes:
             likeliest = max(fixes, key=lambda fix: fix.log_evidence)
@@ -216,21 +227,25 @@ class Bank:
             return False
         self._doubt(trials[0], trials)
         self.best = trials[0].hypothesis
-        self._put_to_the_proof(rows)
+        self.put_to_the_proof(rows)
         return True
 
     def _starts(self, rows: Rows) -> list[Hypothesis]:
         slow = (self.best or self).slow
         return proposals.starts(self.space, rows, self.prior, self.best, self.excluded, slow)
 
-    def _put_to_the_proof(self, rows: Rows) -> None:
-        """A start that rests on one sensor is ambiguous for a while: what it says may be a run of its own.
+    def put_to_the_proof(self, rows: Rows, unknown: int = 0) -> None:
+        """One that rests on one sensor is ambiguous for a while: what it says may be a run of its own.
 
-        Where another contradicts it, until one confirms it: nobody can tell then who of the two is wrong.
+        Half of all runs are shorter than ROWS; of those that have lasted for so many rows already, half last
+        no longer again than these and ROWS: all ``unknown`` epochs without a state may be of one run. Where
+        another sensor contradicts it, until one confirms it: nobody can tell who of the two is wrong.
         """
         confirmed, heard = self._witnesses(rows)
         self._contradicted = confirmed < 2 <= heard
-        self._proven_ns = self.best.head.t_ns + (PROOF_NS if confirmed < 2 else 0)
+        if confirmed < 2 and len(rows.t):
+            proof_ns = max(PROOF_NS, round((runs.ROWS + unknown) * scan_ns(rows)))
+            self._unproven += ((int(rows.t[0]), self.best.head.t_ns + proof_ns),)
 
     def _witnesses(self, rows: Rows) -> tuple[int, int]:
         """How many sensors say where the target is as the incumbent has it, and how many say it at all."""

@@ -53,6 +53,7 @@ FINAL = np.dtype(
         ("regime", "i4"),
     ]
 )
+RECENT_SCANS = 5  # of a sensor, that tell how long one takes
 BLOCK = 16_384  # final rows that are stored at a time
 OUTCOME_TYPES = ("f4", "f4", "i4", "f8", "f8", "f4")
 
@@ -190,6 +191,16 @@ class MeasurementBuffer:
 def _rows(n: int) -> Rows:
     zeros = (np.zeros(n, kind) for kind in ("i8", "i2", "i1", "f8", "f8"))
     return Rows(*zeros, np.full((n, 3), np.nan))
+
+
+def scan_ns(rows: Rows) -> float:
+    """The longest of the sensors' usual times between two measurements; 0 where none is heard twice."""
+    longest = 0.0
+    for sensor in np.unique(rows.sensor):
+        times = np.unique(rows.t[rows.sensor == sensor])[-RECENT_SCANS - 1 :]
+        if len(times) > 1:
+            longest = max(longest, float(np.median(np.diff(times))))
+    return longest
 
 
 def epochs(t: np.ndarray) -> np.ndarray:

@@ -23,7 +23,7 @@ from filters.models.rows import ROW, SEPARATION, TRACK, VERDICT, Sensor, Step, j
 from filters.models.settings import Settings
 from filters.models.store import InMemory, Keep
 from filters.smoother import gated, proposals, status, tracks
-from filters.smoother.bank import Bank
+from filters.smoother.bank import FEW_ROWS, Bank
 from filters.smoother.buffer import MeasurementBuffer, Rows, faults, refusals
 from filters.smoother.hypothesis import LONG_AGO_NS, Workspace
 from filters.smoother.integrity import protection, report
@@ -33,7 +33,6 @@ from filters.smoother.window import Window
 
 CELL_NS = 250_000_000  # data time between two re-decisions at the shortest lag
 CELLS_PER_LAG = 4
-SPARSE_ROWS = 60  # a window of fewer rows is tried for a start, and decided again, at every epoch
 SURPRISE_NS = 50_000_000  # re-decisions for a surprise are at least so far apart
 
 
@@ -64,7 +63,7 @@ class FixedLagSmoother:
         others = range(len(sensors)) if self._robust and len(sensors) > 1 else ()
         progress = Progress([Bank(space, prior, excluded) for excluded in (-1, *others)], len(sensors))
         self._buffer = MeasurementBuffer(self.model.variance, keep)
-        self._window = Window(space, self._buffer, progress, keep, robust=self._robust)
+        self._window = Window(space, self._buffer, progress, settings, keep, robust=self._robust)
         self._withdrawals = Withdrawals(self._window, settings.height_m)
         self._snapshots = Snapshots(progress, keep(mark_type(len(self.model.prior), len(sensors))))
         self._smoothed: list[np.ndarray] = []  # and final, not handed out yet
@@ -160,14 +159,11 @@ class FixedLagSmoother:
             if now.best is None:
                 self._wait(new)
                 continue
-            sparse = self._robust and buffer.done - buffer.decided < SPARSE_ROWS
+            sparse = self._robust and buffer.done - buffer.decided < FEW_ROWS
             if sparse:
                 new = Rows(*(column[: _first_epoch(new)] for column in new))
             quiet_ns = now.redecided_ns + SURPRISE_NS if self._robust else gated.NEVER_NS
-            parts.append(self._admit(new, quiet_ns))
-            surprised = now.best.surprise > gated.SURPRISE and now.best.head.t_ns >= quiet_ns
-            if surprised or sparse:
-                self._window.redecide(0)
+            parts.append(self._admit(new, quiet_ns, sparse=sparse))
         return parts
 
     def _place(self, end: int) -> None:
@@ -183,15 +179,19 @@ class FixedLagSmoother:
         """Take one epoch without a state, and look whether the window now gives one."""
         buffer = self._buffer
         buffer.done += _first_epoch(new)
-        oldest_ns = new.t[0] - self._window.lag_ns(self.settings)
+        self._now.unknown += 1
+        oldest_ns = new.t[0] - self._window.lag_ns()
         self._window.give_up(buffer.count_before(oldest_ns))
-        dense = buffer.done - buffer.decided >= SPARSE_ROWS
+        dense = buffer.done - buffer.decided >= FEW_ROWS
         if not dense or int(new.t[0]) - self._now.redecided_ns >= SURPRISE_NS:
             self._now.redecided_ns = int(new.t[0])
             self._window.begin()
 
-    def _admit(self, new: Rows, quiet_ns: int) -> np.ndarray:
-        """Every bank takes ``new`` rows up to a surprise, not before ``quiet_ns``; (k,) TRACK of them."""
+    def _admit(self, new: Rows, quiet_ns: int, *, sparse: bool) -> np.ndarray:
+        """Every bank takes ``new`` rows up to a surprise, not before ``quiet_ns``; (k,) TRACK of them.
+
+        After a surprise, and where rows are ``sparse``, the state of the newest one is that decided again.
+        """
         if len(new.t) > len(self._states.t):
             self._states = gated.epoch_states(2 * len(new.t), len(self.model.prior))
         states, now = self._states, self._now
@@ -200,13 +200,17 @@ class FixedLagSmoother:
         same = Rows(*(column[:count] for column in new))
         now.banks[0].admit_alternative(same, states, self._rule)
         without = [self._admit_without(bank, same, k) for bank in now.banks[1:]]
-        protection.enter(track, [one and (one[0][:, :3], one[1][:, :3, :3]) for one in without])
         self._buffer.done += count
         self._window.enter()
+        if sparse or (now.best.surprise > gated.SURPRISE and now.best.head.t_ns >= quiet_ns):
+            self._window.redecide(0)
+            states.x[k - 1], states.P[k - 1] = now.best.head.x, now.best.head.P[:CORE, :CORE]
+            track[-1:] = self._head_track(gated.EpochStates(*(part[k - 1 : k] for part in states)), 1)
+        protection.enter(track, [one and (one[0][:, :3], one[1][:, :3, :3]) for one in without])
         fresh = track["t_ns"] > self._newest_ns
         self._newest_ns = max(self._newest_ns, int(track["t_ns"][-1]))
         good = tracks.known(self.model, track["x"], track["P"])
-        now.was_known |= bool(good.any())
+        self._window.note_known(track, good)
         self._report_separation(track, fresh & good, without)
         return track[fresh & good]
 
@@ -265,7 +269,7 @@ class FixedLagSmoother:
         buffer, now, left = self._buffer, self._now, np.zeros(0, TRACK)
         self._withdrawals.step(boundary_ns)
         if now.best is not None:
-            lag_ns = self._window.lag_ns(self.settings)
+            lag_ns = self._window.lag_ns()
             every = max(1, round(lag_ns / CELLS_PER_LAG / CELL_NS))
             if boundary_ns - now.closed_ns >= every * CELL_NS or not self._robust:
                 t = buffer.view(buffer.decided, buffer.done).t

@@ -36,6 +36,7 @@ PARALLEL = 1e-4  # squared sine of the angle between two lines of sight that do 
 LEAD_NS = 100_000_000  # a jerk is under way for so long before a position shows it: (6 · 0.1 m / 600 m/s³)^⅓
 MISFIT = 5.0  # rows that one misfit outweighs in the search for where a manoeuvre began
 FASTEST_MPS = 1000.0  # 1-sigma per axis of the speeds that there are
+FASTEST = 3.0  # … of which no target is faster: fixes that say so are those of a run of outliers
 
 
 class Prior(NamedTuple):
@@ -142,6 +143,7 @@ def candidates(
         for axis in range(3):
             values = rows.value[told & (rows.channel == VE + axis)]
             velocity[axis] = np.median(values) if len(values) else velocity[axis]
+        velocity *= min(1.0, FASTEST * FASTEST_MPS / max(float(np.linalg.norm(velocity)), 1e-9))
         mine = rows.sensor == s
         alone = model.is_ins[s] or np.isfinite(rows.place[mine, 0]).any()
         distance = 0.0 if model.is_ins[s] else np.linalg.norm(place - model.offset[s])

@@ -47,6 +47,7 @@ class Progress:
         self.length = np.zeros((sensors, len(CHANNELS)), np.int64)  # consecutive outliers
         self.tally = np.zeros((sensors, len(CHANNELS), 3))  # of decided rows: used, sum of NIS, refused
         self.resets: tuple[Reset, ...] = ()
+        self.unknown = 0  # epochs since a state was known well enough to be published
         self.was_known = True  # well enough to be published, since the newest start
 
     @property

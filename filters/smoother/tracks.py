@@ -25,6 +25,11 @@ def polished(track: np.ndarray, shift_s: np.ndarray, variance: float) -> np.ndar
     widened(track["P"], x, variance)
     sigma_m = np.sqrt(np.maximum(np.trace(track["P"][:, :3, :3], axis1=1, axis2=2), 0.0))
     track["quality"] = np.where(np.isfinite(sigma_m), np.round(100.0 / (1.0 + sigma_m / HALF_QUALITY_M)), -1)
+    return doubted(track)
+
+
+def doubted(track: np.ndarray) -> np.ndarray:
+    """The ``track`` (k,) TRACK with no better quality than DOUBTFUL where it is ambiguous; in place."""
     track["quality"] = np.where(track["ambiguous"], np.minimum(track["quality"], DOUBTFUL), track["quality"])
     return track
 

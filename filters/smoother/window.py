@@ -13,7 +13,7 @@ from filters.models.settings import Settings
 from filters.models.store import InMemory, Keep
 from filters.smoother import gated, passes, proposals, status, tracks
 from filters.smoother.bank import PROOF_NS, Bank
-from filters.smoother.buffer import MeasurementBuffer, Rows, epochs
+from filters.smoother.buffer import MeasurementBuffer, Rows, epochs, scan_ns
 from filters.smoother.hypothesis import Workspace
 from filters.smoother.snapshots import Progress, Reset
 
@@ -21,7 +21,7 @@ SPEED_LOST_MPS = proposals.SPEED_SIGMA_MPS  # a prediction that knows less than 
 LOST_FACTOR = 5.0  # of what may be published: beyond, rows are better taken for a start
 SILENCE_NS = 250_000_000  # since the newest row, from which a gap may be one
 TURNS = 4  # re-decisions for one of the banks without a sensor
-RECENT_ROWS, RECENT_SCANS = 64, 6  # of a sensor before the window, and in all, that tell its scan
+RECENT_ROWS = 64  # before the window, that tell the scans of its sensors
 
 
 def density_type(states: int) -> np.dtype:
@@ -37,23 +37,20 @@ class Window:
         space: Workspace,
         buffer: MeasurementBuffer,
         progress: Progress,
+        settings: Settings,
         keep: Keep = InMemory,
         *,
         robust: bool,
     ):
         self.space, self.buffer, self.now, self.robust = space, buffer, progress, robust
+        self._settings = settings
         self._floating = models.floating(space.model)
         self.densities = keep(density_type(len(space.model.prior)))  # of every window that was decided
 
-    def lag_ns(self, settings: Settings) -> int:
+    def lag_ns(self) -> int:
         """How long later rows may change a decision: some scans of the slowest sensor that is speaking."""
-        buffer = self.buffer
-        recent = buffer.view(max(buffer.decided - RECENT_ROWS, 0), buffer.done)
-        longest = 0.0
-        for k in range(len(self.now.length)):
-            times = np.unique(recent.t[recent.sensor == k])[-RECENT_SCANS:]
-            if len(times) > 1:
-                longest = max(longest, float(np.median(np.diff(times))) * 1e-9)
+        settings, buffer = self._settings, self.buffer
+        longest = scan_ns(buffer.view(max(buffer.decided - RECENT_ROWS, 0), buffer.done)) * 1e-9
         lag_s = max(settings.shortest_lag_s, settings.lag_scans * longest)
         return round(1e9 * min(lag_s, settings.longest_lag_s))
 
@@ -112,8 +109,8 @@ class Window:
     def redecide(self, cut: int) -> np.ndarray:
         """Settle the window, then decide its first ``cut`` rows; their smoothed track (k,) TRACK.
 
-        While two explanations of the window are close nothing is decided, for PROOF_NS at most: later rows
-        may tell which is right.
+        While two explanations of the window are close nothing is decided, for PROOF_NS or the lag at most:
+        later rows may tell which is right.
         """
         buffer, now = self.buffer, self.now
         rows, main = buffer.view(buffer.decided, buffer.done), now.banks[0]
@@ -127,7 +124,7 @@ class Window:
             found = main.watch(rows, cut)
         self._note_start()
         self.enter()
-        if cut and main.undecided and rows.t[cut - 1] - rows.t[0] < PROOF_NS:
+        if cut and main.undecided and rows.t[cut - 1] - rows.t[0] < max(PROOF_NS, self.lag_ns()):
             return np.zeros(0, TRACK)
         return self._commit(rows, cut, found)
 
@@ -188,6 +185,18 @@ class Window:
 
     # ---- what goes out
 
+    def note_known(self, track: np.ndarray, good: np.ndarray) -> None:
+        """A state known again, in ``track`` where it is ``good``, is put to the proof as a start is."""
+        now, bank = self.now, self.now.banks[0]
+        if not good.any():
+            now.unknown += len(track)
+            return
+        if now.unknown:
+            bank.put_to_the_proof(self.buffer.view(self.buffer.decided, self.buffer.done), now.unknown)
+            track["ambiguous"] |= bank.ambiguous(track["t_ns"])
+            tracks.doubted(track)
+        now.was_known, now.unknown = True, len(track) - 1 - int(np.flatnonzero(good)[-1])
+
     def track(self, t_ns: np.ndarray, x: np.ndarray, P: np.ndarray) -> np.ndarray:
         """(k,) TRACK of full states (k, n), (k, n, n) that are known well enough, by their own clocks."""
         good = tracks.known(self.space.model, x, P)
@@ -195,6 +204,7 @@ class Window:
         track = np.zeros(len(t_ns), TRACK)
         track["t_ns"], track["x"], track["P"] = t_ns, x[:, :CORE], P[:, :CORE, :CORE]
         track["reset_counter"] = self.now.reset_counter
+        track["ambiguous"] = self.now.banks[0].unproven(t_ns)
         track["protection_h_m"] = track["protection_v_m"] = np.nan
         return tracks.polished(track, self.shift_s(x), models.common_variance(self.space.model))
 

@@ -150,6 +150,24 @@ def contradicted(sensors):
     return one, rows
 
 
+@pytest.mark.parametrize("unknown", [0, 50])
+def test_a_state_of_one_sensor_is_unproven_for_ten_scans_and_as_many_as_it_was_unknown(unknown):
+    one, rows, _ = begun([RADAR])
+    begin_ns, scan_ns = int(rows.t[0]), 0.1e9
+    one._unproven = ()
+    one.put_to_the_proof(rows, unknown)
+    end_ns = one.best.head.t_ns + max(bank.PROOF_NS, (10 + unknown) * scan_ns)
+    times = np.array([begin_ns - 1, begin_ns, end_ns - 1e6, end_ns + 1e6], np.int64)
+    assert one.unproven(times).tolist() == [False, True, True, False]
+    assert one.ambiguous(times).tolist() == one.unproven(times).tolist()
+
+
+def test_what_two_sensors_confirm_needs_no_proof():
+    one, rows, _ = begun([A, RADAR])
+    one.put_to_the_proof(rows, 50)
+    assert not one.unproven(rows.t).any()
+
+
 def test_a_start_that_another_sensor_contradicts_is_ambiguous_until_one_confirms_it():
     one, rows = contradicted([A, B])
     long_after = one.best.head.t_ns + np.array([1, 100]) * bank.PROOF_NS

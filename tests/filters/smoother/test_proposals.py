@@ -189,6 +189,14 @@ def test_every_sensor_with_a_fix_has_its_first_state():
         assert np.sqrt(P[0, 0]) == proposals.PLACE_SIGMA_M
 
 
+def test_no_first_state_is_faster_than_a_target_can_be():
+    """An elevation beyond the zenith puts the target on the other side: 56 km/s between two scans."""
+    model, rows = flight([small.theodolite()])
+    rows.place[:, 0] += 56e3 * rows.t * 1e-9
+    [(_, x, _)] = proposals.candidates(model, rows, np.nan, np.nan)
+    assert np.linalg.norm(x[3:6]) == pytest.approx(proposals.FASTEST * proposals.FASTEST_MPS)
+
+
 def test_a_known_height_is_the_states():
     model, rows = flight([small.theodolite()])
     _, x, P = proposals.candidates(model, rows, 180.0, 4.0)[0]

@@ -100,6 +100,19 @@ def test_who_explains_less_than_when_it_was_challenged_is_so_at_once():
         assert one._is_due(t_ns, -1) == asks
 
 
+@pytest.mark.parametrize("seconds", [0.1, 1.0])
+def test_so_few_rows_that_they_say_little_are_always_asked(seconds, monkeypatch):
+    one, rows, _ = begun([RADAR])
+    few = Rows(*(column[: round(30 * seconds)] for column in rows))
+    one.best.judged(Outcome(*(column[: len(few.t)] for column in one.best.own)))
+    tried, manoeuvre = [], proposals.manoeuvre
+    monkeypatch.setattr(proposals, "manoeuvre", lambda *given: tried.append(given) or manoeuvre(*given))
+    monkeypatch.setattr(bank, "FEW_ROWS", 10)
+    one.redecide(few, 0)
+    assert one.best.shortfall < bank.SHORTFALL
+    assert len(tried) == (len(few.t) < 10)
+
+
 def test_challengers_that_lost_are_not_tried_on_the_same_rows_again(monkeypatch):
     def spoil(rows):
         at = np.random.default_rng(0).permutation(len(rows.t))[:60]
