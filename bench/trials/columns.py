@@ -17,9 +17,9 @@ import numpy as np
 
 PERCENT = {
     "beyond3", "beyond5", "beyond3_smooth", "beyond5_smooth", "found", "ins_refused", "misleading", "refused",
-    "ambiguous",
+    "ambiguous", "known", "sure5",
 }  # fmt: skip
-BEST_HIGH = {"found"}
+BEST_HIGH = {"found", "known"}
 SHORT = (
     "rms", "median", "p95", "worst", "far_s", "beyond3", "beyond5", "nees", "nees_off", "rms_smooth",
     "worst_smooth", "beyond3_smooth", "nees_smooth", "over_told", "over_told_smooth", "over_ekf", "cv",
@@ -31,6 +31,7 @@ TITLES = {
     "beyond3_smooth": ">3sS%", "nees_smooth": "neesS", "over_told": "/told", "over_told_smooth": "/toldS",
     "over_ekf": "/ekf", "ins_refused": "ins-%", "found": "found%", "misleading": "mislead%",
     "level_h": "plH", "level_v": "plV", "ambiguous": "amb%", "nees_off": "off", "resets": "rst",
+    "known": "known%", "sure5": ">5s sure%",
 }  # fmt: skip
 
 
