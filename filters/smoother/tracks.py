@@ -13,6 +13,7 @@ from filters.smoother.proposals import TOGETHER_NS, places
 
 HALF_QUALITY_M = 10.0  # position 1-sigma at which quality is 50
 DOUBTFUL = 20  # the best quality while two hypotheses are nearly as likely
+ROUNDING = 1e-9  # of the largest variance that is known: so much a variance of zero may be below it
 KNOWN_M, KNOWN_SHARE = 50.0, 0.05  # position 1-sigma, or its share of the distance, of a state that is known
 
 
@@ -55,7 +56,7 @@ def known(model: Model, x: np.ndarray, P: np.ndarray, factor: float = 1.0) -> np
     """(k,) bool, whether each state ``x`` (k, ≥6), ``P`` (k, ≥6, ≥6) is known well enough to be published.
 
     Position within KNOWN_M or KNOWN_SHARE of the distance to the nearest instrument, and velocity within the
-    same for a second; all that times ``factor``.
+    same for a second; all that times ``factor``. A variance that rounding has made negative says nothing.
     """
     distance = np.zeros(len(x))
     if (~model.is_ins).any():
@@ -64,7 +65,7 @@ def known(model: Model, x: np.ndarray, P: np.ndarray, factor: float = 1.0) -> np
     limit = factor * np.maximum(KNOWN_M, KNOWN_SHARE * distance)
     variance = np.diagonal(P, axis1=1, axis2=2)[:, :6].copy()
     variance[variance[:, 5] == 0.0, 2] = 0.0  # a height told beforehand is as good as it was told
-    return variance.max(axis=1) < limit**2
+    return (variance.max(axis=1) < limit**2) & (variance.min(axis=1) > -ROUNDING * limit**2)
 
 
 def smooth(

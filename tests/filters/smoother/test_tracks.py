@@ -76,6 +76,15 @@ def test_the_nearest_instrument_counts():
     assert not known(model, track((0.0, 4.0 * FAR_M, 0.0), 1.5 * tracks.KNOWN_M))
 
 
+def test_what_rounding_has_made_negative_is_not_known():
+    model, one = state.build([small.ins()]), track()
+    assert known(model, one)
+    one["P"][0, 3, 3] = -1.0
+    assert not known(model, one)
+    one["P"][0, 3, 3] = -1e-12
+    assert known(model, one)
+
+
 def test_without_a_speed_it_is_not_known():
     model = state.build([small.ins()])
     assert known(model, track(sigma_mps=0.9 * tracks.KNOWN_M))
