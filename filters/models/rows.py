@@ -37,10 +37,7 @@ TRACK = np.dtype(
             "f8",
         ),  # holds although any one sensor lies; inf: nobody else is there, NaN: not told
         ("protection_v_m", "f8"),
-        (
-            "ambiguous",
-            "?",
-        ),  # two hypotheses are nearly as likely, or one sensor alone, unproven, says so
+        ("ambiguous", "?"),  # two hypotheses are nearly as likely, or one sensor alone says so
     ]
 )
 VERDICT = np.dtype(

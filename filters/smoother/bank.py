@@ -2,8 +2,9 @@
 
 The first two proposals are made wherever there is one to make. The others when the incumbent explains its
 window worse than a right model would (a posterior predictive check: Gelman et al. 2013, *Bayesian Data
-Analysis*, 6.3), whatever went wrong; and starts also until the newest one has explained a window, as till
-then it is no likelier than another one. The log evidence with prior odds decides:
+Analysis*, 6.3), whatever went wrong, and always where there are few rows; and starts until the newest one
+has explained a window, as till then it is no likelier than another one. The log evidence with prior odds
+decides:
 
     without     the weights of another bank, where that puts the target elsewhere
     running     rows after the begin of a run stay closed in their channel, then opened
@@ -35,8 +36,8 @@ from filters.smoother.proposals import Prior
 SHORTFALL = 2.0  # standard deviations of the log evidence below which the model is thought to be wrong
 WRONG = 6.0  # … and below which it surely is
 LOST = 12.0  # … for a method that decides at first sight and takes outliers in its stride
-FEW_ROWS = 60  # so few say too little of whether the model is right: it is challenged at every look
 CHANCE = 1.0  # … by which a shortfall changes from one window to the next
+FEW_ROWS = 60  # so few say too little of whether the model is right: it is challenged at every look
 ODDS_MANOEUVRE, ODDS_START = np.log(0.1), np.log(1e-2)  # prior odds in any one window
 INERTIA = np.log(1e-2)  # prior odds of any change: the incumbent has explained all windows before
 TEMPER = 0.3  # power of the odds: rows of a channel are less independent than the model says
@@ -77,7 +78,7 @@ class Bank:
         self._close_call, self.spread = False, np.zeros((CORE, CORE))  # (9, 9) doubt between hypotheses
         self._challenge: Challenge | None = None  # whose challengers have lost
         self._contradicted = False  # by another sensor, since a start by one alone
-        self._unproven: tuple[tuple[int, int], ...] = ()  # from when, till when
+        self._unproven: tuple[tuple[int, int], ...] = ()  # from when till when, in order and apart
         self.reason = ""  # of the newest start
 
     def ambiguous(self, t_ns: np.ndarray) -> np.ndarray:
@@ -245,7 +246,10 @@ class Bank:
         self._contradicted = confirmed < 2 <= heard
         if confirmed < 2 and len(rows.t):
             proof_ns = max(PROOF_NS, round((runs.ROWS + unknown) * scan_ns(rows)))
-            self._unproven += ((int(rows.t[0]), self.best.head.t_ns + proof_ns),)
+            begin_ns, end_ns, before = int(rows.t[0]), self.best.head.t_ns + proof_ns, self._unproven
+            if before and begin_ns <= before[-1][1]:
+                begin_ns, end_ns, before = before[-1][0], max(before[-1][1], end_ns), before[:-1]
+            self._unproven = (*before, (begin_ns, end_ns))
 
     def _witnesses(self, rows: Rows) -> tuple[int, int]:
         """How many sensors say where the target is as the incumbent has it, and how many say it at all."""

@@ -162,6 +162,19 @@ def test_a_state_of_one_sensor_is_unproven_for_ten_scans_and_as_many_as_it_was_u
     assert one.ambiguous(times).tolist() == one.unproven(times).tolist()
 
 
+def test_times_without_proof_that_overlap_are_one():
+    one, rows, _ = begun([RADAR])
+    one.put_to_the_proof(rows, 200)
+    longer = one._unproven
+    one.put_to_the_proof(rows)
+    assert one._unproven == longer
+    assert len(longer) == 1
+    one._unproven = ((0, 1), (2, 3))
+    rows.t[:] += 10
+    one.put_to_the_proof(rows)
+    assert [begin for begin, _ in one._unproven] == [0, 2, rows.t[0]]
+
+
 def test_what_two_sensors_confirm_needs_no_proof():
     one, rows, _ = begun([A, RADAR])
     one.put_to_the_proof(rows, 50)
