@@ -97,7 +97,9 @@ class Voter:
 def line(known: np.ndarray) -> float:
     """The slope of the line in which lags (n, 2), time and value in s, end; 0 if they end in none.
 
-    A lag that goes down has to come below all before it: else it is a link that empties itself.
+    A lag that goes down has to come below all before it: else it is a link that empties itself. A line grows
+    with every step; delays that grew once or twice and stayed are stairs, through which least squares would
+    lay one too.
     """
     if len(known) < KNOWN:
         return 0.0
@@ -112,7 +114,8 @@ def line(known: np.ndarray) -> float:
         worst = np.abs(np.diff(before)).max(initial=0.0)
         clear = abs(slope) * np.sqrt(t @ t) > max(CLEAR * about, WORST * worst)
         fresh = n >= BEHIND_LINE if slope > 0.0 else lag[-1] < before.min(initial=np.inf)
-        if clear and fresh and DRIFT < abs(slope) < JUMP:
+        steady = slope * np.median(np.diff(lag) / np.diff(t)) > slope**2 / 2
+        if clear and fresh and DRIFT < abs(slope) < JUMP and steady:
             return slope
     return 0.0
 

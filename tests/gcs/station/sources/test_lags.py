@@ -42,6 +42,12 @@ def test_a_step_is_no_line(lags):
     assert all(line(known(lags[:n], 0.0003)) == 0.0 for n in range(len(lags)))
 
 
+def test_stairs_are_no_line():
+    """As the sample's link: the aircraft's messages come 0.1 s later after 15 s, and again after 17."""
+    lags = np.repeat([0.0, 0.082, 0.173], [20, 5, 10])
+    assert all(line(known(lags[:n], 0.0003)) == 0.0 for n in range(len(lags)))
+
+
 def test_on_a_link_whose_delays_jump_a_line_has_to_be_longer():
     jumping = np.tile([0.0, 0.0, 0.0, 0.015], 8)
     lags = np.concatenate([jumping, -0.005 * np.arange(1, 8)])
