@@ -219,7 +219,7 @@ class Viewer:
         limits = self._view.limits
         found = alarms(limits, state, health) if state else []
         lying = lies(self._flight, state.t_ns) if state else []
-        texts = [f"{lie.text} ({lie.sigmas:.0f} σ) since {clock(lie.since_ns)}" for lie in lying]
+        texts = [f"{lie.text} since {clock(lie.since_ns)}" for lie in lying]
         self._go.content = status.go(found, texts, demanded=limits.demanded) if state else ""
         self._bell.update(len(found))
 

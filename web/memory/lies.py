@@ -23,12 +23,15 @@ class Lie(NamedTuple):
     sensor: str
     channel: str
     since_ns: int
-    sigmas: float  # median
-    off: float  # median of value minus predicted, in the channel's unit
+    sigmas: float  # median, NaN: refused before there was any prediction
+    off: float  # median of value minus predicted, in the channel's unit; NaN as well
 
     @property
     def text(self) -> str:
-        return f"{self.sensor} {self.channel.replace('_', ' ')} off by {self.off:+.3g} {UNITS[self.channel]}"
+        name = f"{self.sensor} {self.channel.replace('_', ' ')}"
+        if np.isnan(self.sigmas):
+            return f"{name} refused"
+        return f"{name} off by {self.off:+.3g} {UNITS[self.channel]} ({self.sigmas:.0f} σ)"
 
 
 def lies(flight: SeenFlight, now_ns: int) -> list[Lie]:

@@ -29,12 +29,21 @@ def test_a_run_up_to_now_is_a_lie_since_its_first_by_its_median():
     assert (lie.sensor, lie.channel, lie.since_ns) == ("theo", "azimuth", 10 * S + 5 * STEP)
     assert abs(lie.off - 0.5) < 1e-9
     assert abs(lie.sigmas - 10.0) < 1e-6
-    assert lie.text == "theo azimuth off by +0.5 °"
+    assert lie.text == "theo azimuth off by +0.5 ° (10 σ)"
 
 
 def test_a_long_lie_is_followed_back_beyond_what_may_be_revised():
     words = ["used"] * 5 + ["patch"] * 80
     assert lies(flight_of(words), now(words))[0].since_ns == 10 * S + 5 * STEP
+
+
+def test_a_run_refused_before_any_prediction_is_off_by_nothing_that_is_known():
+    flight = SeenFlight(SCENE)
+    for k in range(5):
+        refused = verdict(10 * S + k * STEP, "ins", "ae", "invalid", value=1.0, predicted=None, sigma=0.0)
+        flight.take(refused, "")
+        flight.settle()
+    assert [lie.text for lie in lies(flight, 10 * S + 4 * STEP)] == ["ins ae refused"]
 
 
 def test_a_single_outlier_and_a_run_that_has_ended_are_none():
