@@ -4,16 +4,23 @@ import numpy as np
 import pytest
 
 from filters import methods
-from filters.smoother import bank
+from filters.smoother import bank, estimator
 from filters.smoother.bank import PROOF_NS, Bank, Trial
 from tests.filters.smoother.kit import small
 from tests.filters.smoother.kit.flights import SENSORS, finals
 
-pytestmark = pytest.mark.decision
+decision = pytest.mark.decision  # all but the longest run are looked at without numba, too
 LAG_NS, CELL_NS = 1_000_000_000, 250_000_000
 
 
-def flown(seconds=8.0):
+@pytest.fixture(autouse=True)
+def _rows_enough(monkeypatch):
+    """These windows have few rows: challenging each would take long without numba, and is not of this."""
+    for module in (bank, estimator):
+        monkeypatch.setattr(module, "FEW_ROWS", 0)
+
+
+def flown(seconds=6.0):
     """(oldest row that is not decided yet at the end of each step, age in ns; all verdicts)."""
     rows = small.fly(SENSORS, seconds)
     one, ages, verdicts = methods.make("default", SENSORS), [], []
@@ -25,6 +32,7 @@ def flown(seconds=8.0):
     return np.array(ages), np.concatenate([*verdicts, one.finish()[2]])
 
 
+@decision
 def test_all_is_decided_one_lag_later():
     ages, _ = flown()
     assert ages.max() <= LAG_NS + 2 * CELL_NS
@@ -34,9 +42,10 @@ def test_nothing_is_decided_while_two_are_close_and_all_is_in_the_end(monkeypatc
     monkeypatch.setattr(Bank, "undecided", property(lambda self: True))
     ages, verdicts = flown()
     assert PROOF_NS <= ages.max() <= LAG_NS + PROOF_NS + 2 * CELL_NS
-    assert len(finals(verdicts)) == len(small.fly(SENSORS, 8.0))
+    assert len(finals(verdicts)) == len(small.fly(SENSORS, 6.0))
 
 
+@decision
 def test_where_neither_explains_the_window_waiting_does_not_help():
     one = methods.make("default", SENSORS)
     one.step(small.fly(SENSORS, 3.0))
@@ -49,6 +58,7 @@ def test_where_neither_explains_the_window_waiting_does_not_help():
     assert not main.undecided
 
 
+@decision
 def test_the_banks_without_a_sensor_take_turns(monkeypatch):
     """All at once would be the longest wait for a state."""
     one, looked, redecide = methods.make("default", SENSORS), [], Bank.redecide
@@ -66,6 +76,7 @@ def test_the_banks_without_a_sensor_take_turns(monkeypatch):
         assert (np.diff(at) == len(SENSORS)).all()
 
 
+@decision
 def test_an_alternative_sees_the_same_rows_and_ends_where_they_are_decided():
     one = methods.make("default", SENSORS)
     rows = small.fly(SENSORS, 4.0)
@@ -81,6 +92,7 @@ def test_an_alternative_sees_the_same_rows_and_ends_where_they_are_decided():
     assert main.alternative is None
 
 
+@decision
 def test_a_copy_of_a_bank_has_an_alternative_of_its_own():
     one = methods.make("default", SENSORS)
     one.step(small.fly(SENSORS, 3.0))
