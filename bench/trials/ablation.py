@@ -76,19 +76,17 @@ TITLES = ("/told", "worst", "/toldS", "worstS", ">3s%", ">3sS%", "false", "far_s
 
 
 def options(parser: argparse.ArgumentParser) -> None:
-    common.options(parser, __doc__, 1, flights.RECORDED)
-    parser.add_argument("--first", type=int, default=100, help="seed")
+    common.options(parser, __doc__, "100:101", flights.RECORDED)
     parser.add_argument("--share", type=float, default=0.15, help="of the values, outliers")
     parser.add_argument("--part", nargs="+", default=list(PARTS), choices=list(PARTS))
 
 
 def main(asked: argparse.Namespace) -> None:
-    seeds = range(asked.first, asked.first + asked.seeds)
-    flown = list(product(asked.part, asked.flight, seeds))
-    lied = list(product(asked.part, liar.LIES, liar.SINCE_S, seeds))
+    flown = list(product(asked.part, asked.flight, asked.seeds))
+    lied = list(product(asked.part, liar.LIES, liar.SINCE_S, asked.seeds))
     errors = common.by_key(flown, common.spread_out(fly, asked, flown), itemgetter(0))
     lies = common.by_key(lied, common.spread_out(lie, asked, lied), itemgetter(0))
-    print(f"{asked.method}, outliers {100 * asked.share:g} %, seeds {seeds}, {SEEN_S:g} s")
+    print(f"{asked.method}, outliers {100 * asked.share:g} %, seeds {common.told(asked.seeds)}, {SEEN_S:g} s")
     print(common.plain_table(TITLES, {part: line(errors[part], lies[part]) for part in asked.part}))
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from bench.trials import columns, flights, many, scene
+from bench.trials import columns, common, flights, many, scene
 
 
 def options(parser: argparse.ArgumentParser) -> None:
@@ -16,7 +16,7 @@ def options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--data", type=Path, help="folder of the recorded flights; else GCS_DATA")
     parser.add_argument("--flight", nargs="+", help=f"{', '.join(flights.names())}; default: all recorded")
     parser.add_argument("--share", type=float, default=0.04, help="of the values, outliers")
-    parser.add_argument("--seeds", default="100:101", help="FIRST:END, or one")
+    common.seeds_option(parser, "100:101")
     parser.add_argument("--method", default="default", help="see run.make_estimator")
     parser.add_argument("--setting", nargs="*", default=[], metavar="NAME=VALUE", help="of the estimator")
     parser.add_argument("--sensors", nargs="+", default=list(scene.STANDARD), help=", ".join(scene.SITES))
@@ -37,10 +37,10 @@ def options(parser: argparse.ArgumentParser) -> None:
 def main(asked: argparse.Namespace) -> None:
     trial = trial_of(asked)
     names = asked.flight or list(flights.RECORDED)
-    results = many.all_of(trial, names, seeds(asked.seeds), asked.jobs)
+    results = many.all_of(trial, names, asked.seeds, asked.jobs)
     print(
-        f"{asked.method}, outliers {100 * asked.share:g} %, seeds {asked.seeds}, {' '.join(asked.sensors)}, "
-        f"{asked.seconds or 'all'} s; instruments simulated from the truth"
+        f"{asked.method}, outliers {100 * asked.share:g} %, seeds {common.told(asked.seeds)}, "
+        f"{' '.join(asked.sensors)}, {asked.seconds or 'all'} s; instruments simulated from the truth"
     )
     print(columns.table(results))
     if asked.json:
@@ -56,9 +56,3 @@ def trial_of(asked: argparse.Namespace) -> many.Trial:
         flights.folder(asked.data), asked.method, tuple(asked.sensors), wrong, tuple(asked.estimate),
         asked.seconds or None, asked.order, not asked.no_peers, not asked.no_told, settings,
     )  # fmt: skip
-
-
-def seeds(text: str) -> range:
-    """``100:103`` or ``100``."""
-    first, _, end = text.partition(":")
-    return range(int(first), int(end or int(first) + 1))

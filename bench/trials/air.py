@@ -12,7 +12,7 @@ from functools import partial
 
 import numpy as np
 
-from bench.trials import columns, courses, peers, run, score
+from bench.trials import columns, common, courses, peers, run, score
 from bench.trials.world import simulate
 
 COLUMNS = (
@@ -49,13 +49,13 @@ def options(parser: argparse.ArgumentParser) -> None:
     parser.description, parser.formatter_class = __doc__, argparse.RawDescriptionHelpFormatter
     parser.add_argument("--method", default="default")
     parser.add_argument("--setting", nargs="*", default=[], metavar="NAME=VALUE", help="of the estimator")
-    parser.add_argument("--seeds", type=int, default=4)
+    common.seeds_option(parser, "0:4")
     parser.add_argument("--case", nargs="+", default=list(CASES), choices=list(CASES), metavar="CASE")
     parser.add_argument("--jobs", type=int, default=2)
 
 
 def main(asked: argparse.Namespace) -> None:
-    cases = [(name, seed) for name in asked.case for seed in range(asked.seeds)]
+    cases = [(name, seed) for name in asked.case for seed in asked.seeds]
     with multiprocessing.get_context("fork").Pool(asked.jobs) as pool:
         got = pool.map(partial(one, asked), cases, chunksize=1)
     results: dict[str, list[dict]] = {name: [] for name in asked.case}

@@ -14,15 +14,30 @@ from bench.trials.world import Truth, scenario, simulate
 WRONG_SIGMA, WRONG_M = 5.0, 10.0  # a state further off than both, that does not call itself ambiguous
 
 
-def options(parser: argparse.ArgumentParser, doc: str, seeds: int, of: Sequence[str]) -> None:
+def options(parser: argparse.ArgumentParser, doc: str, seeds: str, of: Sequence[str]) -> None:
     """Those of every such trial."""
     parser.description, parser.formatter_class = doc, argparse.RawDescriptionHelpFormatter
     parser.add_argument("--data", type=Path, help="folder of the recorded flights; else GCS_DATA")
     parser.add_argument("--flight", nargs="+", default=list(of), help=", ".join(flights.names()))
     parser.add_argument("--method", default="default")
     parser.add_argument("--setting", nargs="*", default=[], metavar="NAME=VALUE", help="of the estimator")
-    parser.add_argument("--seeds", type=int, default=seeds)
+    seeds_option(parser, seeds)
     parser.add_argument("--jobs", type=int, default=2)
+
+
+def seeds_option(parser: argparse.ArgumentParser, default: str) -> None:
+    """``--seeds``: a range."""
+    parser.add_argument("--seeds", type=_range, default=default, help="FIRST:END, or one")
+
+
+def _range(text: str) -> range:
+    first, _, end = text.partition(":")
+    return range(int(first), int(end or int(first) + 1))
+
+
+def told(seeds: range) -> str:
+    """As it is asked for."""
+    return f"{seeds.start}:{seeds.stop}"
 
 
 def maker(asked: argparse.Namespace, **more: float) -> Callable:

@@ -18,7 +18,7 @@ SECONDS = 120.0
 
 
 def options(parser: argparse.ArgumentParser) -> None:
-    common.options(parser, __doc__, 3, ("normal", "aggressive"))
+    common.options(parser, __doc__, "0:3", ("normal", "aggressive"))
     parser.add_argument("--share", type=float, default=0.0, help="of the values, outliers")
     parser.add_argument("--sensors", nargs="+", default=list(scene.STANDARD))
     parser.add_argument("--crooked", default=CROOKED)
@@ -26,7 +26,7 @@ def options(parser: argparse.ArgumentParser) -> None:
 
 
 def main(asked: argparse.Namespace) -> None:
-    cases = list(itertools.product(asked.flight, range(asked.seeds)))
+    cases = list(itertools.product(asked.flight, asked.seeds))
     got = common.spread_out(one, asked, cases)
     print(f"{asked.method}: {asked.crooked} of {' '.join(asked.sensors)}, estimated: {asked.estimate}")
     titles = ("runs", "median", "worst", "within3%", "sigma/val", "beside", "worst", "rmsS/")

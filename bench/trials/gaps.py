@@ -12,7 +12,7 @@ from functools import partial
 
 import numpy as np
 
-from bench.trials import columns, courses, peers, run, scene, score
+from bench.trials import columns, common, courses, peers, run, scene, score
 from bench.trials.world import ISOLATED, PATCH
 
 GAPS_S = (8.0, 15.0, 30.0, 60.0, 120.0)
@@ -32,7 +32,7 @@ def options(parser: argparse.ArgumentParser) -> None:
     parser.description, parser.formatter_class = __doc__, argparse.RawDescriptionHelpFormatter
     parser.add_argument("--method", default="default")
     parser.add_argument("--setting", nargs="*", default=[], metavar="NAME=VALUE", help="of the estimator")
-    parser.add_argument("--seeds", type=int, default=2)
+    common.seeds_option(parser, "0:2")
     parser.add_argument("--scan", nargs="+", default=list(SCANS), choices=list(SCANS))
     parser.add_argument("--gap", nargs="+", type=float, default=list(GAPS_S))
     parser.add_argument("--full", action="store_true", help="a line for every distance and speed")
@@ -40,7 +40,7 @@ def options(parser: argparse.ArgumentParser) -> None:
 
 
 def main(asked: argparse.Namespace) -> None:
-    cases = list(itertools.product(asked.scan, asked.gap, DISTANCES_M, SPEEDS_MPS, range(asked.seeds)))
+    cases = list(itertools.product(asked.scan, asked.gap, DISTANCES_M, SPEEDS_MPS, asked.seeds))
     with multiprocessing.get_context("fork").Pool(asked.jobs) as pool:
         got = pool.map(partial(one, asked), cases, chunksize=4)
     groups: dict[str, list] = {}

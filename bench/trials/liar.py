@@ -44,13 +44,13 @@ TITLES = (
 
 
 def options(parser: argparse.ArgumentParser) -> None:
-    common.options(parser, __doc__, 3, ("normal",))
+    common.options(parser, __doc__, "0:3", ("normal",))
     parser.add_argument("--lie", nargs="+", default=list(LIES), choices=list(LIES))
     parser.add_argument("--set", nargs="+", default=list(SETS), choices=list(SETS))
 
 
 def main(asked: argparse.Namespace) -> None:
-    cases = list(itertools.product(asked.set, asked.lie, SINCE_S, asked.flight, range(asked.seeds)))
+    cases = list(itertools.product(asked.set, asked.lie, SINCE_S, asked.flight, asked.seeds))
     got = common.spread_out(one, asked, cases)
     print(f"{asked.method}: one liar; lies-%, good-%: instrument values refused")
     for key in (

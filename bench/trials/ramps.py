@@ -22,14 +22,14 @@ TITLES = ("runs", "during", "worst", "worst_m", "smooth", "worst", "back%", "ref
 
 
 def options(parser: argparse.ArgumentParser) -> None:
-    common.options(parser, __doc__, 3, ("normal", "aggressive"))
+    common.options(parser, __doc__, "0:3", ("normal", "aggressive"))
     parser.add_argument("--kind", nargs="+", default=list(KINDS), choices=list(KINDS))
     parser.add_argument("--rate", nargs="+", type=float, default=list(RATES))
     parser.add_argument("--sensors", nargs="+", default=list(scene.STANDARD))
 
 
 def main(asked: argparse.Namespace) -> None:
-    cases = list(itertools.product(asked.kind, asked.rate, asked.flight, range(asked.seeds)))
+    cases = list(itertools.product(asked.kind, asked.rate, asked.flight, asked.seeds))
     got = common.spread_out(one, asked, cases)
     print(f"{asked.method}: ramps of {LONG_S:g} s, {' '.join(asked.sensors)}")
     for key in (lambda c: f"{c[0]}, {c[1]:g} s/s", lambda c: "ALL"):

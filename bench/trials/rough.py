@@ -35,7 +35,7 @@ GPS_PER_HOUR = 60.0
 
 
 def options(parser: argparse.ArgumentParser) -> None:
-    common.options(parser, __doc__, 2, ("gentle", "aggressive"))
+    common.options(parser, __doc__, "0:2", ("gentle", "aggressive"))
     parser.add_argument("--world", nargs="+", default=list(WORLDS), choices=list(WORLDS))
     parser.add_argument("--sensors", nargs="+", default=list(scene.STANDARD))
     parser.add_argument("--estimate", nargs="*", default=["bias", "clock"], help="of every instrument")
@@ -44,7 +44,7 @@ def options(parser: argparse.ArgumentParser) -> None:
 
 
 def main(asked: argparse.Namespace) -> None:
-    cases = list(itertools.product(asked.world, asked.flight, range(asked.seeds)))
+    cases = list(itertools.product(asked.world, asked.flight, asked.seeds))
     got = common.spread_out(one, asked, cases)
     print(f"{asked.method}: {' '.join(asked.sensors)}, estimated: {' '.join(asked.estimate) or 'nothing'}")
     print(columns.table(common.by_key(cases, got, lambda c: f"{c[0]}, {c[1]}")))

@@ -31,14 +31,14 @@ SECONDS, WITHIN_S, BEFORE_S = 12.0, 3.0, 1.0
 
 
 def options(parser: argparse.ArgumentParser) -> None:
-    common.options(parser, __doc__, 6, ("normal", "aggressive"))
+    common.options(parser, __doc__, "0:6", ("normal", "aggressive"))
     parser.add_argument("--place", nargs="+", default=list(PLACES), choices=list(PLACES))
     parser.add_argument("--subset", nargs="+", default=list(SUBSETS), choices=list(SUBSETS))
     parser.add_argument("--share", nargs="+", type=float, default=list(SHARES))
 
 
 def main(asked: argparse.Namespace) -> None:
-    cases = list(itertools.product(asked.subset, asked.share, asked.place, asked.flight, range(asked.seeds)))
+    cases = list(itertools.product(asked.subset, asked.share, asked.place, asked.flight, asked.seeds))
     cases = [c for c in cases if c[2] != "ground" or c[3] == asked.flight[0] or c[3] in flights.RECORDED]
     got = common.spread_out(one, asked, cases)
     print(f"{asked.method}: starts, {len(cases)} of them")
