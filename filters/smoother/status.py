@@ -169,9 +169,10 @@ def log_evidence(rows, own, out, memory, excluded):
 
     Forward algorithm per channel, every row by its innovation. ``out`` is the `passes.Trace` of the pass
     forward: what that has learned since a channel's row before moves the level of the channel's run.
-    ``memory`` (s, 13, MEMORY) as before the first row; moved on in place. All rows count, whatever a
-    hypothesis leaves out, so that hypotheses compare. Returns (log evidence, shortfall): what a
-    right model would expect more, in its standard deviations, of all rows or of the newest.
+    ``memory`` (s, 13, MEMORY) as before the first row; moved on in place. Rows of the sensor ``excluded`` are
+    not looked at: were they outliers, a state that contradicts them would be the likelier one. Returns (log
+    evidence, shortfall): what a right model would expect more, in its standard deviations, of all rows or of
+    the newest.
     """
     total = due = spread = 0.0
     newest = 0.0, 0.0, 0.0
@@ -179,21 +180,18 @@ def log_evidence(rows, own, out, memory, excluded):
     for k in range(len(rows.t)):
         if rows.t[k] <= since:
             newest = total, due, spread
+        if rows.sensor[k] == excluded:
+            continue
         m = memory[rows.sensor[k], rows.channel[k]]
         w, noise, v, S = own.weight[k], own.noise[k], out.v[k], out.S[k]
         sigma = math.sqrt(S)
-        good = -1e3
-        if rows.sensor[k] != excluded:
-            good = log_good(v, math.sqrt(S + (noise / w - noise if w > 0.0 else 0.0)))
+        good = log_good(v, math.sqrt(S + (noise / w - noise if w > 0.0 else 0.0)))
         runs.move(m, out.moved[k])
         likelihood, _ = _advance(m, v, noise, out.fresh[k], good, log_gross(v, sigma), rows.t[k])
         total += likelihood
-        if rows.sensor[k] == excluded:  # nothing is expected of them
-            due += likelihood
-        else:
-            mean, variance = expected(sigma, m[runs.CHANCE])
-            due += mean
-            spread += variance
+        mean, variance = expected(sigma, m[runs.CHANCE])
+        due += mean
+        spread += variance
     whole = (due - total) / math.sqrt(max(spread, 1.0))
     last = (due - newest[1] - total + newest[0]) / math.sqrt(max(spread - newest[2], 1.0))
     return total, max(whole, last)

@@ -199,6 +199,8 @@ def test_excluded_it_says_what_the_others_say():
         h.settle(seen, 0)
         assert not h.own.weight[seen.sensor == 1].any()
     assert np.array_equal(one.head.x, other.head.x)
+    assert one.log_evidence == other.log_evidence
+    assert one.shortfall == other.shortfall
     kept = rows.sensor != 1
     assert np.array_equal(one.own.residual[kept], other.own.residual[kept])
 
