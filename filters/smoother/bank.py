@@ -176,7 +176,7 @@ class Bank:
             trials += [Trial(0.0, again), Trial(ODDS_MANOEUVRE, wilder)]
             unexplained = min(again.shortfall, wilder.shortfall) > SHORTFALL
             if not fixes and (few or unexplained or best.shortfall > WRONG):
-                fixes = self._starts(rows)
+                fixes = self._starts(rows, only_refused=not few and best.shortfall < WRONG)
         if fixes:
             likeliest = max(fixes, key=lambda fix: fix.log_evidence)
             trials.append(Trial(0.0, proposals.again(best, rows, likeliest.own.weight, annealed=False)))
@@ -231,9 +231,15 @@ class Bank:
         self.put_to_the_proof(rows)
         return True
 
-    def _starts(self, rows: Rows) -> list[Hypothesis]:
-        slow = (self.best or self).slow
-        return proposals.starts(self.space, rows, self.prior, self.best, self.excluded, slow)
+    def _starts(self, rows: Rows, *, only_refused: bool = False) -> list[Hypothesis]:
+        """From each sensor, or only from those in which the incumbent refuses a patch.
+
+        What it uses all along it has begun from already: such a start would end where it is.
+        """
+        slow, of = (self.best or self).slow, rows.sensor
+        if only_refused:
+            of = rows.sensor[proposals.patches(self.best, rows)]
+        return proposals.starts(self.space, rows, of, self.prior, self.best, self.excluded, slow)
 
     def put_to_the_proof(self, rows: Rows, unknown: int = 0) -> None:
         """One that rests on one sensor is ambiguous for a while: what it says may be a run of its own.

@@ -1,13 +1,13 @@
 """The estimator: rows in; track, smoothed track and verdicts out.
 
     rows ──► buffer ──► first sight, epoch by epoch ──► head: the state now
-                every cell, and at a surprise: settle the window, challenge the incumbent ──► head again
+                at every look, and at a surprise: settle the window, challenge the incumbent ──► head again
                 one lag later: decided, the anchor moves on
                 ``lateness_s`` after that: final
 
 Beside the incumbent over all sensors, one bank for each sensor goes on without it: what that sensor says is
-judged by all others there, and the distance between the two states bounds the error that it can cause. Once a
-cell, that distance is told for each sensor.
+judged by all others there, and the distance between the two states bounds the error that it can cause. Four
+times a second that distance is told for each sensor.
 Everything follows from the rows in order of time. A late row winds the estimator back to the snapshot before
 it and goes on from there, so what is final does not depend on the order of arrival.
 """
@@ -31,8 +31,9 @@ from filters.smoother.proposals import Prior
 from filters.smoother.snapshots import Progress, Snapshots, Withdrawals, WrongClock, mark_type
 from filters.smoother.window import Window
 
-CELL_NS = 250_000_000  # data time between two re-decisions at the shortest lag
-CELLS_PER_LAG = 4
+LOOK_NS = 250_000_000  # data time between two re-decisions at the shortest lag
+LOOKS_PER_LAG = 4
+CELL_NS = LOOK_NS // 2  # the incumbent and a bank without a sensor are looked at in different cells
 SURPRISE_NS = 50_000_000  # re-decisions for a surprise are at least so far apart
 
 
@@ -68,7 +69,7 @@ class FixedLagSmoother:
         self._snapshots = Snapshots(progress, keep(mark_type(len(self.model.prior), len(sensors))))
         self._smoothed: list[np.ndarray] = []  # and final, not handed out yet
         self._separations: list[np.ndarray] = []  # not handed out yet
-        self._separated_ns = LONG_AGO_NS  # begin of the newest cell that it was told of
+        self._separated_ns = LONG_AGO_NS  # begin of the newest LOOK_NS in which it was told
         self._states = gated.epoch_states(64, len(self.model.prior))
         self._newest_ns, self._fixed_ns = LONG_AGO_NS, 0
 
@@ -230,14 +231,14 @@ class FixedLagSmoother:
         return x, tracks.widened(states.P[:k, :6, :6].copy(), x, self._shift_variance)
 
     def _report_separation(self, track: np.ndarray, published: np.ndarray, without: list) -> None:
-        """Once a cell: how far a state that is ``published`` would move without each of the sensors.
+        """Once in LOOK_NS: how far a state that is ``published`` would move without each of the sensors.
 
         ``without`` has `_admit_without` of each.
         """
         if not published.any():
             return
         at = int(np.argmax(published))
-        cell_ns = int(track["t_ns"][at]) // CELL_NS * CELL_NS
+        cell_ns = int(track["t_ns"][at]) // LOOK_NS * LOOK_NS
         if cell_ns <= self._separated_ns:
             return
         self._separated_ns = cell_ns
@@ -269,12 +270,14 @@ class FixedLagSmoother:
         buffer, now, left = self._buffer, self._now, np.zeros(0, TRACK)
         self._withdrawals.step(boundary_ns)
         if now.best is not None:
-            lag_ns = self._window.lag_ns()
-            every = max(1, round(lag_ns / CELLS_PER_LAG / CELL_NS))
-            if boundary_ns - now.closed_ns >= every * CELL_NS or not self._robust:
+            lag_ns, since_ns = self._window.lag_ns(), boundary_ns - now.closed_ns
+            every_ns = max(LOOK_NS, lag_ns // LOOKS_PER_LAG) if self._robust else LOOK_NS
+            if not now.turned and since_ns >= every_ns // 2:
+                self._window.take_turn()
+            if since_ns >= every_ns:
                 t = buffer.view(buffer.decided, buffer.done).t
                 left = self._window.redecide(int(np.searchsorted(t, boundary_ns - lag_ns)))
-                now.closed_ns = boundary_ns
+                now.closed_ns, now.turned = boundary_ns, False
         if buffer.done < buffer.size:
             self._window.forget_the_lost(boundary_ns)
         now.boundary_ns = boundary_ns

@@ -197,17 +197,30 @@ def again(incumbent: Hypothesis, rows: Rows, weight: np.ndarray, *, annealed: bo
 
 def running(incumbent: Hypothesis, rows: Rows) -> np.ndarray:
     """(k,) bool: rows from the begin of a run in their channel on, if some are used all the same."""
-    found, outlier = np.zeros(len(rows.t), bool), incumbent.own.weight < status.DOUBT
-    name = rows.sensor.astype(np.int64) * len(CHANNELS) + rows.channel
-    for one in np.unique(name[outlier]):
+    found, outlier = patches(incumbent, rows), incumbent.own.weight < status.DOUBT
+    name = _names(rows)
+    for one in np.unique(name[found]):
         mine = np.flatnonzero(name == one)
-        if len(mine) < status.PATCH_ROWS:
-            continue
-        together = np.convolve(outlier[mine], np.ones(status.PATCH_ROWS), "valid") == status.PATCH_ROWS
-        if together.any():
-            since = mine[np.argmax(together) :]
-            found[since] = not outlier[since].all()
-    return found & (rows.sensor != incumbent.excluded)
+        since = mine[np.argmax(found[mine]) :]
+        found[since] = not outlier[since].all()
+    return found
+
+
+def patches(incumbent: Hypothesis, rows: Rows) -> np.ndarray:
+    """(k,) bool: rows at which the first patch of outliers begins in their channel, one each at most."""
+    found, outlier = np.zeros(len(rows.t), bool), incumbent.own.weight < status.DOUBT
+    name = _names(rows)
+    for one in np.unique(name[outlier & (rows.sensor != incumbent.excluded)]):
+        mine = np.flatnonzero(name == one)
+        if len(mine) >= status.PATCH_ROWS:
+            together = np.convolve(outlier[mine], np.ones(status.PATCH_ROWS), "valid") == status.PATCH_ROWS
+            found[mine[np.argmax(together)]] = together.any()
+    return found
+
+
+def _names(rows: Rows) -> np.ndarray:
+    """(k,) a number for each row's sensor and channel."""
+    return rows.sensor.astype(np.int64) * len(CHANNELS) + rows.channel
 
 
 def manoeuvre(incumbent: Hypothesis, rows: Rows) -> Hypothesis:
@@ -234,17 +247,25 @@ def onset(incumbent: Hypothesis, rows: Rows) -> int:
 
 
 def starts(
-    space: Workspace, rows: Rows, prior: Prior, incumbent: Hypothesis | None, excluded: int, slow: np.ndarray
+    space: Workspace,
+    rows: Rows,
+    of: np.ndarray,
+    prior: Prior,
+    incumbent: Hypothesis | None,
+    excluded: int,
+    slow: np.ndarray,
 ) -> list[Hypothesis]:
-    """From what each sensor but the one ``excluded`` says; what an ``incumbent`` knows of errors is kept.
+    """From what each sensor ``of`` some (m,) says; what an ``incumbent`` knows of errors is kept.
 
-    ``slow``: see `Hypothesis`.
+    ``excluded``, ``slow``: see `Hypothesis`.
     """
     model, trials = space.model, []
     usable = Rows(*(column[rows.sensor != excluded] for column in rows))
     if not len(usable.t):
         return trials
     for s, x, P in candidates(model, usable, prior.height_m, prior.height_sigma_m):
+        if s not in of:
+            continue
         if incumbent is not None:
             keep_errors(incumbent, x, P)
         anchor = Moment(int(usable.t[0]), x, P, status.fresh_memory(len(model.is_ins)))

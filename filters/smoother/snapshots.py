@@ -43,7 +43,8 @@ class Progress:
         self.boundary_ns = LONG_AGO_NS  # begin of the cell
         self.redecided_ns = LONG_AGO_NS  # newest row when the window was last decided again
         self.closed_ns = LONG_AGO_NS  # end of the newest cell that moved the anchors
-        self.turn = 0  # of the re-decisions, at which the other banks have theirs
+        self.turn, self.turned = 0, False  # of the other banks; has there been one since closed_ns?
+        self.looked = (0,) * (len(banks) - 1)  # the turn at which each looked at the window
         self.length = np.zeros((sensors, len(CHANNELS)), np.int64)  # consecutive outliers
         self.tally = np.zeros((sensors, len(CHANNELS), 3))  # of decided rows: used, sum of NIS, refused
         self.resets: tuple[Reset, ...] = ()

@@ -4,6 +4,8 @@ decided ──► the window's rows, each judged by all others ──► done
 anchor      │◄──────── some scans of the slowest sensor ────────►│
 """
 
+import math
+
 import numpy as np
 
 from filters.models import state as models
@@ -20,7 +22,7 @@ from filters.smoother.snapshots import Progress, Reset
 SPEED_LOST_MPS = proposals.SPEED_SIGMA_MPS  # a prediction that knows less than a start does is a start
 LOST_FACTOR = 5.0  # of what may be published: beyond, rows are better taken for a start
 SILENCE_NS = 250_000_000  # since the newest row, from which a gap may be one
-TURNS = 4  # re-decisions for one of the banks without a sensor
+TURNS = 4  # looks until each of the banks without a sensor has had its own
 RECENT_ROWS = 64  # before the window, that tell the scans of its sensors
 
 
@@ -115,8 +117,6 @@ class Window:
         buffer, now = self.buffer, self.now
         rows, main = buffer.view(buffer.decided, buffer.done), now.banks[0]
         now.redecided_ns = int(rows.t[-1]) if len(rows.t) else now.redecided_ns
-        if cut:
-            self._take_turns(rows)
         if self.robust:
             without = [bank.best for bank in now.banks[1:] if bank.best is not None]
             found = main.redecide(rows, cut, without)
@@ -135,16 +135,24 @@ class Window:
         if bank.best.young:
             now.resets += (Reset(decided, bank.best.anchor.copy(), bank.reason),)
 
-    def _take_turns(self, rows: Rows) -> None:
-        """The banks without a sensor look at the window in turn, and where they were surprised."""
-        self.now.turn = (self.now.turn + 1) % TURNS
-        for k, bank in enumerate(self.now.banks[1:]):
-            turn = self.now.turn == k % TURNS
-            if bank.best is None:
-                if turn:
-                    bank.begin(rows, self.now.best.own.weight)
-            elif turn or bank.best.surprise > gated.SURPRISE:
-                bank.redecide(rows, 0, (self.now.best,))
+    def take_turn(self) -> None:
+        """One of the banks without a sensor looks at the window; of more than TURNS a part.
+
+        Who has waited longest; a surprise counts as much as a whole round of waiting.
+        """
+        now, others = self.now, self.now.banks[1:]
+        rows = self.buffer.view(self.buffer.decided, self.buffer.done)
+        now.turn, now.turned = now.turn + 1, True
+        waits = [now.turn - looked for looked in now.looked]
+        for k, bank in enumerate(others):
+            if bank.best is not None and bank.best.surprise > gated.SURPRISE:
+                waits[k] += len(others)
+        for k in sorted(range(len(others)), key=lambda k: -waits[k])[: math.ceil(len(others) / TURNS)]:
+            now.looked = (*now.looked[:k], now.turn, *now.looked[k + 1 :])
+            if others[k].best is None:
+                others[k].begin(rows, now.best.own.weight)
+            else:
+                others[k].redecide(rows, 0, (now.best,))
 
     def _decide(self, cut: int) -> None:
         """Settle the incumbent, and decide the first ``cut`` rows."""

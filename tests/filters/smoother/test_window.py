@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from filters import methods
-from filters.smoother import bank, estimator
+from filters.smoother import bank, estimator, gated
 from filters.smoother.bank import PROOF_NS, Bank, Trial
 from tests.filters.smoother.kit import small
 from tests.filters.smoother.kit.flights import SENSORS, finals
@@ -60,20 +60,39 @@ def test_where_neither_explains_the_window_waiting_does_not_help():
 
 @decision
 def test_the_banks_without_a_sensor_take_turns(monkeypatch):
-    """All at once would be the longest wait for a state."""
+    """All at once would be the longest wait for a state; so would be one beside the incumbent."""
     one, looked, redecide = methods.make("default", SENSORS), [], Bank.redecide
 
-    def look(bank, *given):
-        looked.append(bank.excluded)
-        return redecide(bank, *given)
+    def look(bank, rows, *given):
+        looked.append((bank.excluded, int(rows.t[-1]) // estimator.CELL_NS))
+        return redecide(bank, rows, *given)
 
     monkeypatch.setattr(Bank, "redecide", look)
     one.step(small.fly(SENSORS, 6.0))  # all is well, so there are no surprises
-    turns = [k for k in looked if k >= 0]
+    turns = [k for k, _ in looked if k >= 0]
     for k in range(len(SENSORS)):
         at = np.flatnonzero(np.array(turns) == k)
         assert len(at) >= 2
         assert (np.diff(at) == len(SENSORS)).all()
+    cells = [cell for _, cell in looked[1:]]
+    assert len(set(cells)) == len(cells)
+
+
+@decision
+@pytest.mark.parametrize("waited", [1, 3])
+def test_who_was_surprised_goes_first_but_for_one_that_has_waited_a_round_longer(waited):
+    one = methods.make("default", SENSORS)
+    one.step(small.fly(SENSORS, 3.0))
+    now, window = one._window.now, one._window
+    now.looked = tuple(now.turn - waited - (k == 0) * (1 + k) for k in range(len(SENSORS)))
+    now.banks[3].best.surprise = gated.SURPRISE + 1.0
+    before = now.looked
+    window.take_turn()
+    assert [k for k in range(len(SENSORS)) if now.looked[k] != before[k]] == [2]
+    now.looked = (now.turn - len(SENSORS) - 3, *now.looked[1:])
+    now.banks[3].best.surprise = gated.SURPRISE + 1.0
+    window.take_turn()
+    assert now.looked[0] == now.turn
 
 
 @decision

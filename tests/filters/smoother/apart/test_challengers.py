@@ -5,7 +5,7 @@ import pytest
 
 from filters.models import state
 from filters.models.motion import PSD
-from filters.models.rows import E
+from filters.models.rows import AZIMUTH, E
 from filters.smoother import bank, proposals, status
 from filters.smoother.bank import Bank
 from filters.smoother.buffer import Outcome, Rows, outcome
@@ -130,6 +130,30 @@ def test_challengers_that_lost_are_not_tried_on_the_same_rows_again(monkeypatch)
     assert len(tried) == 1
     assert one.best is incumbent
     assert one._challenge == (rows.t[-1], rows.t[-1], incumbent.shortfall)
+
+
+def test_starts_are_tried_of_those_that_are_refused():
+    """Of the others all is used already. Where so much is wrong that neither may be right, of all."""
+
+    def spoil(rows):
+        rows.value[(rows.sensor == 1) & (rows.channel == AZIMUTH)] += 0.05
+
+    one, rows = later([INS, A, B, RADAR], spoil=spoil)
+    one.best.settle(rows, 0)
+    of = [start.own.weight[rows.sensor == 1].any() for start in one._starts(rows, only_refused=True)]
+    assert len(of) == 1
+    assert len(one._starts(rows)) == 4
+
+
+def test_a_patch_begins_once_in_a_channel_and_needs_three_in_a_row():
+    one, rows = later([INS, A])
+    own, azimuth = one.best.own, np.flatnonzero((rows.sensor == 1) & (rows.channel == AZIMUTH))
+    own.weight[azimuth[[1, 3, 4, 6]]] = 0.0
+    assert not proposals.patches(one.best, rows).any()
+    own.weight[azimuth[[5, 8, 9, 10]]] = 0.0
+    assert np.flatnonzero(proposals.patches(one.best, rows)).tolist() == [azimuth[3]]
+    one.best.excluded = 1
+    assert not proposals.patches(one.best, rows).any()
 
 
 @pytest.mark.parametrize("liar", range(3))

@@ -68,7 +68,7 @@ def test_told_that_there_are_none_they_are_not():
     for found in (smoothed, best):
         assert found.mean() > 15.0
         assert (found > BEYOND).mean() > 0.4
-    assert refused > 0.01  # good rows of whom the others outvote
+    assert refused > 0.005  # good rows of whom the others outvote
 
 
 @pytest.mark.slow
@@ -113,7 +113,7 @@ def test_a_restart_keeps_how_large_they_are():
         known[name], resets = estimator._window.now.best.slow, estimator.report()["resets"]
     assert len(resets) == 1
     assert (known["before"][0] > 0.5).all()
-    assert known["after"][0] == pytest.approx(known["before"][0], abs=0.3)
+    assert known["after"][0] == pytest.approx(known["before"][0], abs=0.5)
 
 
 def test_a_gap_of_a_minute_leaves_how_large_they_are():

@@ -5,7 +5,7 @@ import pytest
 
 from filters import methods
 from filters.models.rows import AZIMUTH
-from filters.smoother.estimator import CELL_NS
+from filters.smoother.estimator import LOOK_NS
 from tests.filters.smoother.kit import small
 from tests.filters.smoother.kit.flights import SENSORS, same
 
@@ -28,11 +28,11 @@ def flown(rows):
     return tuple(told(rows))
 
 
-def test_each_sensor_is_told_of_once_a_cell(flown):
+def test_each_sensor_is_told_of_once_a_look(flown):
     track, found = flown
     assert np.isin(found["t_ns"], track["t_ns"]).all()
     for sensor in range(len(SENSORS)):
-        cells = found["t_ns"][found["sensor"] == sensor] // CELL_NS
+        cells = found["t_ns"][found["sensor"] == sensor] // LOOK_NS
         assert (np.diff(cells) == 1).all()
         assert len(cells) > 12
 
@@ -57,7 +57,7 @@ def test_what_comes_late_tells_no_cell_again(rows):
     estimator = methods.make("default", SENSORS)
     found = np.concatenate([estimator.step(part).separation for part in np.array_split(rows[late], 60)])
     for sensor in range(len(SENSORS)):
-        assert (np.diff(found["t_ns"][found["sensor"] == sensor] // CELL_NS) > 0).all()
+        assert (np.diff(found["t_ns"][found["sensor"] == sensor] // LOOK_NS) > 0).all()
 
 
 @pytest.mark.parametrize("seed", range(3))
