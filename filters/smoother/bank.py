@@ -26,10 +26,10 @@ import numpy as np
 
 from filters.models import runs
 from filters.models.motion import CORE
-from filters.models.rows import AZIMUTH, ELEVATION, RANGE, E, N, U
 from filters.smoother import gated, proposals, status
 from filters.smoother.buffer import Rows, scan_ns
 from filters.smoother.hypothesis import LONG_AGO_NS, Hypothesis, Workspace, apart, differ
+from filters.smoother.integrity import proof
 from filters.smoother.passes import Scores
 from filters.smoother.proposals import Prior
 
@@ -43,8 +43,7 @@ INERTIA = np.log(1e-2)  # prior odds of any change: the incumbent has explained 
 TEMPER = 0.3  # power of the odds: rows of a channel are less independent than the model says
 PROOF_NS = 3_000_000_000  # longer than the runs of outliers that radars and theodolites show
 CLOSE = np.log(1e3)  # log odds within which two hypotheses are ambiguous
-GOOD_SHARE = 0.5  # of the rows that a first state must explain, and of a sensor's that confirm it
-PLACE = (RANGE, AZIMUTH, ELEVATION, E, N, U)  # channels that say where the target is
+GOOD_SHARE = 0.5  # of the rows that a first state must explain
 
 
 class Trial(NamedTuple):
@@ -78,7 +77,7 @@ class Bank:
         self._close_call, self.spread = False, np.zeros((CORE, CORE))  # (9, 9) doubt between hypotheses
         self._challenge: Challenge | None = None  # whose challengers have lost
         self._contradicted = False  # by another sensor, since a start by one alone
-        self._unproven: tuple[tuple[int, int], ...] = ()  # from when till when, in order and apart
+        self._unproven: proof.Spans = ()
         self.reason = ""  # of the newest start
 
     def ambiguous(self, t_ns: np.ndarray) -> np.ndarray:
@@ -86,11 +85,8 @@ class Bank:
         return self._close_call | self._contradicted | self.unproven(t_ns)
 
     def unproven(self, t_ns: np.ndarray) -> np.ndarray:
-        """(k,) bool: the state rests on one sensor, whose rows may be a run of outliers from its begin."""
-        found = np.zeros(len(t_ns), bool)
-        for begin_ns, end_ns in self._unproven:
-            found |= (begin_ns <= t_ns) & (t_ns < end_ns)
-        return found
+        """(k,) bool: the state rests on one sensor, or on one of two that disagree."""
+        return proof.within(self._unproven, t_ns)
 
     @property
     def undecided(self) -> bool:
@@ -252,17 +248,23 @@ class Bank:
         self._contradicted = confirmed < 2 <= heard
         if confirmed < 2 and len(rows.t):
             proof_ns = max(PROOF_NS, round((runs.ROWS + unknown) * scan_ns(rows)))
-            begin_ns, end_ns, before = int(rows.t[0]), self.best.head.t_ns + proof_ns, self._unproven
-            if before and begin_ns <= before[-1][1]:
-                begin_ns, end_ns, before = before[-1][0], max(before[-1][1], end_ns), before[:-1]
-            self._unproven = (*before, (begin_ns, end_ns))
+            until_ns = self.best.head.t_ns + proof_ns
+            self._unproven = proof.with_span(self._unproven, int(rows.t[0]), until_ns)
+
+    def note_contradiction(self, rows: Rows, t_ns: int) -> None:
+        """At ``t_ns`` the state would be elsewhere without some sensor; for a while it is ambiguous, of two.
+
+        Where three or more say where the target is, they decide; of two no row can tell which is right.
+        """
+        seen = Rows(*(column[: np.searchsorted(rows.t, t_ns, side="right")] for column in rows))
+        if self._witnesses(seen)[1] == 2:
+            until_ns = t_ns + max(PROOF_NS, round(scan_ns(seen)))
+            self._unproven = proof.with_span(self._unproven, t_ns, until_ns)
 
     def _witnesses(self, rows: Rows) -> tuple[int, int]:
-        """How many sensors say where the target is as the incumbent has it, and how many say it at all."""
-        place = (rows.sensor != self.excluded) & np.isin(rows.channel, PLACE)
-        count = np.bincount(rows.sensor[place])
-        used = np.bincount(rows.sensor[place], self.best.own.weight[place] > status.DOUBT, len(count))
-        return int((used > GOOD_SHARE * count).sum()), int((count > 0).sum())
+        """`proof.witnesses` of the incumbent, among the first of its ``rows``."""
+        heard, weight = rows.sensor != self.excluded, self.best.own.weight[: len(rows.t)]
+        return proof.witnesses(rows.sensor[heard], rows.channel[heard], weight[heard] > status.DOUBT)
 
     def _doubt(self, top: Trial, ranked: list[Trial]) -> None:
         """What is left of the other hypotheses: a spread of the state, and whether it is ambiguous.

@@ -207,7 +207,8 @@ class FixedLagSmoother:
             self._window.redecide(0)
             states.x[k - 1], states.P[k - 1] = now.best.head.x, now.best.head.P[:CORE, :CORE]
             track[-1:] = self._head_track(gated.EpochStates(*(part[k - 1 : k] for part in states)), 1)
-        protection.enter(track, [one and (one[0][:, :3], one[1][:, :3, :3]) for one in without])
+        elsewhere = protection.enter(track, [one and (one[0][:, :3], one[1][:, :3, :3]) for one in without])
+        self._window.note_contradictions(track, elsewhere)
         fresh = track["t_ns"] > self._newest_ns
         self._newest_ns = max(self._newest_ns, int(track["t_ns"][-1]))
         good = tracks.known(self.model, track["x"], track["P"])

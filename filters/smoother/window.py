@@ -193,6 +193,15 @@ class Window:
 
     # ---- what goes out
 
+    def note_contradictions(self, track: np.ndarray, elsewhere: np.ndarray) -> None:
+        """Doubt a ``track`` (k,) TRACK that would be ``elsewhere`` (k,) bool without some sensor."""
+        if elsewhere.any():
+            bank, rows = self.now.banks[0], self.buffer.view(self.buffer.decided, self.buffer.done)
+            for t_ns in track["t_ns"][elsewhere].tolist():
+                bank.note_contradiction(rows, t_ns)
+            track["ambiguous"] |= bank.ambiguous(track["t_ns"])
+            tracks.doubted(track)
+
     def note_known(self, track: np.ndarray, good: np.ndarray) -> None:
         """A state known again, in ``track`` where it is ``good``, is put to the proof as a start is."""
         now, bank = self.now, self.now.banks[0]

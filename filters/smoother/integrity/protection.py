@@ -17,21 +17,23 @@ RISK = 1e-5  # of an error beyond the level, shared by all sensors
 LEVEL_K = 4.75  # sigmas: two-sided normal at RISK / 5 sensors
 
 
-def enter(track: np.ndarray, apart: list[tuple[np.ndarray, np.ndarray] | None]) -> None:
+def enter(track: np.ndarray, apart: list[tuple[np.ndarray, np.ndarray] | None]) -> np.ndarray:
     """Fill the protection levels of ``track`` (k,) TRACK, in place.
 
     ``apart`` has for each sensor the positions (k, 3) and covariances (k, 3, 3) without it, None where there
-    is no state without it: then there is no bound.
+    is no state without it: then there is no bound. Returns (k,) bool, the test of solution separation: where
+    one of those states is more than K of its own sigmas away.
     """
     if not apart or any(one is None for one in apart):
         track["protection_h_m"] = track["protection_v_m"] = np.inf
-        return
+        return np.zeros(len(track), bool)
     own = track["x"][:, :3], track["P"][:, :3, :3]  # of itself it is no distance away
     position, covariance = (np.stack(both) for both in zip(own, *apart, strict=True))
     gap_h, gap_v = _distances(track["x"], position)
     sigma_h, sigma_v = _sigmas(covariance)
     track["protection_h_m"] = (gap_h + LEVEL_K * sigma_h).max(axis=0)
     track["protection_v_m"] = (gap_v + LEVEL_K * sigma_v).max(axis=0)
+    return ((gap_h > LEVEL_K * sigma_h) | (gap_v > LEVEL_K * sigma_v)).any(axis=0)
 
 
 def separation(track: np.ndarray, sensor: int, position: np.ndarray, covariance: np.ndarray) -> np.ndarray:

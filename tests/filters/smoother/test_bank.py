@@ -7,7 +7,7 @@ import pytest
 
 from filters.models import state
 from filters.models.motion import PSD
-from filters.models.rows import AZIMUTH, ELEVATION, RANGE, U
+from filters.models.rows import AZIMUTH, ELEVATION, RANGE
 from filters.smoother import bank, status
 from filters.smoother.bank import Bank
 from filters.smoother.buffer import Outcome, Rows, outcome
@@ -200,14 +200,22 @@ def test_a_third_sensor_tells_which_of_two_is_wrong():
     assert not ambiguous(one)
 
 
-def test_who_confirms_where_the_target_is_has_half_of_its_rows_used():
-    one, rows, _ = begun([INS, A])
-    assert one._witnesses(rows) == (2, 2)
-    theirs = rows.sensor == 1
-    one.best.own.weight[theirs] = rows.channel[theirs] == RANGE  # one of three
-    assert one._witnesses(rows) == (1, 2)
-    one.best.own.weight[:] = (rows.sensor == 1) | (rows.channel > U)  # velocities tell of no place
-    assert one._witnesses(rows) == (1, 2)
+def test_of_two_that_put_it_elsewhere_nobody_can_tell_and_three_decide():
+    for sensors, doubted in (([INS, A], True), ([INS, A, B], False), ([A], False)):
+        one, rows, _ = begun(sensors)
+        one._unproven = ()
+        one.note_contradiction(rows, int(rows.t[-1]))
+        times = rows.t[-1] + np.array([0, bank.PROOF_NS - 1, 2 * bank.PROOF_NS])
+        assert one.unproven(times).tolist() == [doubted, doubted, False]
+
+
+def test_that_a_third_one_speaks_later_does_not_help_before():
+    one, rows, _ = begun([INS, A, B])
+    one._unproven = ()
+    alone_ns = int(rows.t[rows.sensor == 2][0]) - 1
+    assert (rows.t <= alone_ns).any()
+    one.note_contradiction(rows, alone_ns)
+    assert one.unproven(np.array([alone_ns])).all() == (len(np.unique(rows.sensor[rows.t <= alone_ns])) == 2)
 
 
 def test_a_bank_without_a_sensor_may_begin_as_all_see_it():

@@ -46,9 +46,20 @@ def test_horizontal_sigma_is_that_of_the_worst_direction(angle):
     assert levels((np.zeros((1, 3)), P[None]))[0] == pytest.approx(5.0 * K)
 
 
+@pytest.mark.parametrize(("far", "elsewhere"), [(0.99, False), (1.01, True)])
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_a_state_without_a_sensor_is_elsewhere_beyond_k_of_its_own_sigmas(axis, far, elsewhere):
+    sigma = np.array([3.0, 3.0, 0.5])
+    gap = np.zeros(3)
+    gap[axis] = far * K * sigma[axis]
+    apart = [other((0, 0, 0), (9, 9, 9)), other(gap, sigma)]
+    assert protection.enter(track(), apart).tolist() == [elsewhere]
+
+
 def test_there_is_no_bound_where_a_sensor_is_alone():
     assert levels() == (np.inf, np.inf)
     assert levels(other((0, 0, 0), (1, 1, 1)), None) == (np.inf, np.inf)
+    assert protection.enter(track(), [other((99, 0, 0), (1, 1, 1)), None]).tolist() == [False]
 
 
 def test_k_is_that_of_the_risk_shared_by_five_sensors():

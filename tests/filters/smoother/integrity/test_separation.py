@@ -61,8 +61,11 @@ def test_what_comes_late_tells_no_cell_again(rows):
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_a_liar_that_is_refused_is_low_and_who_is_needed_against_it_is_high(seed):
-    """Three theodolites of equal worth; the last one's azimuths are off by eight sigma."""
+def test_with_a_liar_among_three_each_state_without_one_is_right(seed):
+    """Three theodolites of equal worth; the last one's azimuths are off by eight sigma, 10 m.
+
+    Without one of the others its range and elevation are good; which of two azimuths is, the ranges tell.
+    """
     places = ((0.0, -300.0, 0.0), (900.0, 900.0, 0.0), (-400.0, 1200.0, 0.0))
     sensors = [small.theodolite(f"t{k}", at, r=2.0, az=2e-3, el=2e-3) for k, at in enumerate(places)]
     rows = small.fly(sensors, 6.0, hz=20.0, seed=seed)
@@ -70,7 +73,7 @@ def test_a_liar_that_is_refused_is_low_and_who_is_needed_against_it_is_high(seed
     _, found = told(rows, sensors=sensors)
     metres = [np.median(found["horizontal_m"][found["sensor"] == k]) for k in range(3)]
     assert metres[2] < 0.5
-    assert max(metres) > 5.0
+    assert max(metres) < 1.5
 
 
 def test_clocks_that_float_move_nothing():
