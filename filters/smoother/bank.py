@@ -2,9 +2,9 @@
 
 The first two proposals are made wherever there is one to make. The others when the incumbent explains its
 window worse than a right model would (a posterior predictive check: Gelman et al. 2013, *Bayesian Data
-Analysis*, 6.3), whatever went wrong, and always where there are few rows; and starts until the newest one
-has explained a window, as till then it is no likelier than another one. The log evidence with prior odds
-decides:
+Analysis*, 6.3), whatever went wrong, when a run has begun in it, and where there are few rows; starts until
+the newest one has explained a window, as till then it is no likelier than another one. The log evidence with
+prior odds decides:
 
     without     the weights of another bank, where that puts the target elsewhere
     running     rows after the begin of a run stay closed in their channel, then opened
@@ -166,7 +166,8 @@ class Bank:
         fixes = self._starts(rows) if best.young else []
         few = len(rows.t) < FEW_ROWS
         decided_ns = int(rows.t[keep - 1]) if keep else LONG_AGO_NS
-        if len(rows.t) and (few or self._is_due(int(rows.t[-1]), decided_ns)):
+        begun = proposals.going_on(best, rows)
+        if len(rows.t) and (few or self._is_due(int(rows.t[-1]), decided_ns, begun=begun)):
             again = proposals.again(best, rows, np.ones(len(rows.t)), annealed=True)
             wilder = proposals.manoeuvre(best, rows)
             trials += [Trial(0.0, again), Trial(ODDS_MANOEUVRE, wilder)]
@@ -179,17 +180,19 @@ class Bank:
             starts += [Trial(0.0 if best.young else ODDS_START, fix) for fix in fixes]
         return trials, starts
 
-    def _is_due(self, t_ns: int, decided_ns: int) -> bool:
-        """Whether the incumbent explains the rows up to ``t_ns`` too poorly, and it is time to challenge it.
+    def _is_due(self, t_ns: int, decided_ns: int, *, begun: bool = False) -> bool:
+        """Whether there is a reason to challenge the incumbent about rows up to ``t_ns``, and it is time to.
 
+        It explains them too poorly, or a run has ``begun`` among them, which may be a manoeuvre as well.
         Those up to ``decided_ns`` are about to be decided.
         """
         short, last = self.best.shortfall, self._challenge
-        if short < SHORTFALL:
+        poor = short >= SHORTFALL
+        if not poor and not begun:
             self._challenge = None
             return False
         since_ns = t_ns if last is None else last.since_ns
-        due = last is None or decided_ns >= since_ns or t_ns - last.t_ns >= last.t_ns - since_ns
+        due = last is None or (poor and decided_ns >= since_ns) or t_ns - last.t_ns >= last.t_ns - since_ns
         if due or short > last.shortfall + CHANCE:
             self._challenge = Challenge(since_ns, t_ns, short)
         return self._challenge is not last

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from filters.models.rows import DUPLICATE, INVALID, LATE, ROW, VERDICT
+from filters.models.rows import CHANNELS, DUPLICATE, INVALID, LATE, ROW, VERDICT
 from filters.models.store import InMemory, Keep
 from filters.smoother.status import NO_CHANNEL, NO_STATE, NONE, NOT_FINITE, TOO_OLD, TWICE
 
@@ -201,6 +201,11 @@ def scan_ns(rows: Rows) -> float:
         if len(times) > 1:
             longest = max(longest, float(np.median(np.diff(times))))
     return longest
+
+
+def streams(rows: Rows) -> np.ndarray:
+    """(k,) a number for the channel of its sensor that each row is of."""
+    return rows.sensor.astype(np.int64) * len(CHANNELS) + rows.channel
 
 
 def epochs(t: np.ndarray) -> np.ndarray:

@@ -20,10 +20,10 @@ import numpy as np
 
 from filters.models.kernel import kernel
 from filters.models.motion import CORE
-from filters.models.rows import AZIMUTH, CHANNELS, ELEVATION, RANGE, VE, E, N, U
+from filters.models.rows import AZIMUTH, ELEVATION, RANGE, VE, E, N, U
 from filters.models.state import Model, prior_covariance
 from filters.smoother import adaptation, status
-from filters.smoother.buffer import Rows, outcome
+from filters.smoother.buffer import Rows, outcome, streams
 from filters.smoother.hypothesis import Hypothesis, Moment, Workspace
 
 PLACE_SIGMA_M, PLACE_SHARE = 1e3, 0.3  # of a first state about its place, m, and share of the distance: much
@@ -198,7 +198,7 @@ def again(incumbent: Hypothesis, rows: Rows, weight: np.ndarray, *, annealed: bo
 def running(incumbent: Hypothesis, rows: Rows) -> np.ndarray:
     """(k,) bool: rows from the begin of a run in their channel on, if some are used all the same."""
     found, outlier = patches(incumbent, rows), incumbent.own.weight < status.DOUBT
-    name = _names(rows)
+    name = streams(rows)
     for one in np.unique(name[found]):
         mine = np.flatnonzero(name == one)
         since = mine[np.argmax(found[mine]) :]
@@ -209,7 +209,7 @@ def running(incumbent: Hypothesis, rows: Rows) -> np.ndarray:
 def patches(incumbent: Hypothesis, rows: Rows) -> np.ndarray:
     """(k,) bool: rows at which the first patch of outliers begins in their channel, one each at most."""
     found, outlier = np.zeros(len(rows.t), bool), incumbent.own.weight < status.DOUBT
-    name = _names(rows)
+    name = streams(rows)
     for one in np.unique(name[outlier & (rows.sensor != incumbent.excluded)]):
         mine = np.flatnonzero(name == one)
         if len(mine) >= status.PATCH_ROWS:
@@ -218,9 +218,14 @@ def patches(incumbent: Hypothesis, rows: Rows) -> np.ndarray:
     return found
 
 
-def _names(rows: Rows) -> np.ndarray:
-    """(k,) a number for each row's sensor and channel."""
-    return rows.sensor.astype(np.int64) * len(CHANNELS) + rows.channel
+def going_on(incumbent: Hypothesis, rows: Rows) -> bool:
+    """Whether a run has begun within the rows of a channel, and goes on to its newest ones.
+
+    A manoeuvre looks like that at first, and costs a model that expects outliers no more than they do.
+    """
+    outlier, name = incumbent.own.weight < status.DOUBT, streams(rows)
+    of_channel = (outlier[name == one] for one in name[patches(incumbent, rows)])
+    return any(not mine[0] and mine[-status.PATCH_ROWS :].all() for mine in of_channel)
 
 
 def manoeuvre(incumbent: Hypothesis, rows: Rows) -> Hypothesis:

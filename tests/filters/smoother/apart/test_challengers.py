@@ -100,6 +100,30 @@ def test_who_explains_less_than_when_it_was_challenged_is_so_at_once():
         assert one._is_due(t_ns, -1) == asks
 
 
+def test_a_run_that_has_begun_is_a_reason_but_none_to_ask_before_each_decision():
+    one, _, _ = begun([A, B])
+    one.best.shortfall = 0.0
+    asked = [t_ns for t_ns in range(100, 1000, 50) if one._is_due(t_ns, t_ns - 50, begun=True)]
+    assert asked == [100, 150, 200, 300, 500, 900]
+    assert not one._is_due(1000, 0)
+    assert one._is_due(1050, 0, begun=True)
+
+
+def test_a_run_goes_on_that_began_in_the_window_and_has_not_ended():
+    one, rows = later([INS, A])
+    own, azimuth = one.best.own, np.flatnonzero((rows.sensor == 1) & (rows.channel == AZIMUTH))
+    for first, last, goes_on in (
+        (0, None, False),
+        (5, None, True),
+        (5, -1, False),
+        (-3, None, True),
+        (-2, None, False),
+    ):
+        own.weight[:] = 1.0
+        own.weight[azimuth[first:last]] = 0.0
+        assert proposals.going_on(one.best, rows) == goes_on
+
+
 @pytest.mark.parametrize("seconds", [0.1, 1.0])
 def test_so_few_rows_that_they_say_little_are_always_asked(seconds, monkeypatch):
     one, rows, _ = begun([RADAR])
