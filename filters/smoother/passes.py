@@ -95,9 +95,10 @@ def forward(model, rows, own, densities, x, P, t_ns, keep, out, work):
 def _since_last(model, rows, k, x, P, psd, variance, out):
     """What happened to the prediction of row ``k``, of ``variance``, since its channel's row before.
 
-    (by how much updates have moved it, variance by which the motion may have gone elsewhere): with
-    h the row's gradient and F, Q of `predict`, hᵀ(x − F x₋), and entry by entry hᵀ((F − I) P (F − I)ᵀ + Q) h.
-    The innovation of a value that stays off by a constant falls by the one, give or take the other.
+    (by how much updates have moved it, variance by which the motion may have gone elsewhere): with h the
+    row's gradient and F, Q of `predict`, hᵀ(F⁻¹ x − x₋), and entry by entry hᵀ((F − I) P (F − I)ᵀ + Q) h. The
+    innovation of a value that stays off by a constant falls by the one, give or take the other: what was
+    wrong with the velocity then is known now.
     """
     n, j = x.size, k - 1
     for a in range(n):
@@ -110,15 +111,15 @@ def _since_last(model, rows, k, x, P, psd, variance, out):
     half, moved, fresh = 0.5 * dt * dt, 0.0, 0.0
     for p in range(out.count[k]):
         a, g = out.index[k, p], out.gain[k, p]
-        before, unsure = out.at[j, a], 0.0
+        now, before, unsure = x[a], out.at[j, a], 0.0
         if a < 3:
-            before += dt * out.at[j, a + 3] + half * out.at[j, a + 6]
+            now -= dt * x[a + 3] - half * x[a + 6]
         elif a < 6:
-            before += dt * out.at[j, a + 3]
+            now -= dt * x[a + 3]
         elif a >= CORE:
             before *= np.exp(-model.rate[a] * dt)
             unsure = psd[a - CORE + MOTIONS] * model.prior[a] * (1.0 - np.exp(-2.0 * model.rate[a] * dt))
-        moved += g * (x[a] - before)
+        moved += g * (now - before)
         if a < CORE:
             unsure = drift(P, psd, a, dt)
         fresh += g * g * unsure
