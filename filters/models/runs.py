@@ -100,32 +100,37 @@ def move(m, by):
 
 
 @exact
-def follow(m, r, noise, fresh, begun, bending, steady, seconds):
+def follow(m, r, noise, fresh, gross, begun, bending, steady, seconds):
     """What a row of residual ``r`` says of the run in ``m``, in place.
 
-    ``begun`` is P(the run begins with it), ``bending`` and ``steady`` those of `log_run`.
+    ``begun`` is P(the run begins with it), ``bending`` and ``steady`` those of `log_run`, ``gross`` as there.
     """
-    on = 1.0 - begun
+    on, far = 1.0 - begun, (1.0 / stay(m) - 1.0) * math.exp(gross)
     m[AGE] = on * (m[AGE] + 1.0)
     before = m[VARIANCE] + fresh + (SPREAD * m[LEVEL]) ** 2
     gain = before / (before + noise)
     old = m[LEVEL] + gain * (r - m[LEVEL])
     m[LEVEL] = begun * r + on * old
     m[VARIANCE] = begun * (noise + (r - m[LEVEL]) ** 2) + on * ((1.0 - gain) * before + (old - m[LEVEL]) ** 2)
-    _follow_line(m, BENDING, r, noise, fresh, begun, bending, seconds)
-    _follow_line(m, STEADY, r, noise, fresh, begun, steady, seconds)
+    _follow_line(m, BENDING, r, noise, fresh, far, begun, bending, seconds)
+    _follow_line(m, STEADY, r, noise, fresh, far, begun, steady, seconds)
 
 
 @exact
-def _follow_line(m, line, r, noise, fresh, begun, likely, seconds):
-    """The same of one ``line`` and its rate; one that begins may be gone within a second, or twice it."""
+def _follow_line(m, line, r, noise, fresh, far, begun, likely, seconds):
+    """The same of one ``line`` and its rate; one that begins may be gone within a second, or twice it.
+
+    So does one from which this row is a gross error, of density ``far``: it goes on from there.
+    """
+    m[line + P] = begun / 3.0 + (1.0 - begun) * likely
+    near = _on_line(m, line, r, noise, fresh, seconds)
+    begun += (1.0 - begun) * far / (far + near)
     on, turn = 1.0 - begun, _turn(line, noise) * seconds
     sharp = _ahead(m, line, noise, fresh, seconds)
     both, steep = m[line + BOTH] + seconds * (m[line + STEEP] + 0.5 * turn), m[line + STEEP] + turn
     ahead, slope = m[line + LINE] + seconds * m[line + RATE], m[line + RATE]
     level = ahead + sharp / (sharp + noise) * (r - ahead)
     rate = slope + both / (sharp + noise) * (r - ahead)
-    m[line + P] = begun / 3.0 + on * likely
     m[line + LINE], m[line + RATE] = begun * r + on * level, on * rate
     a, b, c, d = r - m[line + LINE], level - m[line + LINE], -m[line + RATE], rate - m[line + RATE]
     m[line + SHARP] = begun * (noise + a * a) + on * (sharp * noise / (sharp + noise) + b * b)

@@ -81,7 +81,7 @@ def _advance(m, r, noise, fresh, good, gross, t_ns):
     c = begun + gone_on
     total = a + wrong - begun + c
     if c > 0.0:
-        runs.follow(m, r, noise, fresh, begun / c, bending, steady, seconds)
+        runs.follow(m, r, noise, fresh, gross, begun / c, bending, steady, seconds)
     m[0], m[1], m[2] = a / total, (wrong - begun) / total, c / total
     return top + math.log(total), run
 

@@ -17,6 +17,7 @@ pytestmark = pytest.mark.decision
 
 
 STEP_NS = 50_000_000
+NO = -700.0  # log density of a gross error that is out of the question
 LINES = {"bending": (runs.BENDING, runs.BEND), "steady": (runs.STEADY, runs.DRIFT)}  # where, and how it turns
 
 
@@ -82,15 +83,24 @@ def only(memory, line):
 def costs(residuals, line):
     """(k,) log densities of the rows of a run that is sure to be on this ``line``, after its first one."""
     m, out = np.zeros(runs.MEMORY), []
-    runs.follow(m, residuals[0], 1.0, 0.0, 1.0, 0.0, 0.0, 0.05)
+    runs.follow(m, residuals[0], 1.0, 0.0, NO, 1.0, 0.0, 0.0, 0.05)
     m = only(m, line)
     for r in residuals[1:]:
         gross = status.log_gross(r, 1.0)
         density, bending, steady = runs.log_run(m, r, 1.0, 0.0, gross, 0.05)
         assert (bending, steady) == ((1.0, 0.0) if line == runs.BENDING else (0.0, 1.0))
-        runs.follow(m, r, 1.0, 0.0, 0.0, bending, steady, 0.05)
+        runs.follow(m, r, 1.0, 0.0, gross, 0.0, bending, steady, 0.05)
         out.append(density)
     return np.array(out)
+
+
+@pytest.mark.parametrize("jump", [30.0, 450.0, -4000.0])
+def test_a_line_that_jumps_goes_on_from_there(jump):
+    """As residuals of a start, whose first row knows little: a rate of that size would take rows to forget."""
+    residuals = np.concatenate([[1000.0], 1000.0 + jump + np.random.default_rng(3).normal(size=12)])
+    density = costs(residuals, runs.STEADY)  # a good row costs 1.4
+    assert np.median(density[2:]) > -2.0
+    assert density[2:].sum() > -40.0
 
 
 @pytest.mark.parametrize("slope", [0.0, 0.2, 5.0])
@@ -120,13 +130,13 @@ def test_a_line_is_that_of_a_textbook_filter(name):
     """Level and rate of a run that has begun for certain: Kalman with white acceleration, in matrices."""
     rng, noise, fresh, dt = np.random.default_rng(5), 0.7, 0.3, 0.1
     (at, turn), m = LINES[name], np.zeros(runs.MEMORY)
-    runs.follow(m, 20.0, noise, fresh, 1.0, 0.5, 0.5, dt)
+    runs.follow(m, 20.0, noise, fresh, NO, 1.0, 0.5, 0.5, dt)
     x, P = np.array([20.0, 0.0]), np.diag([noise, 400.0])
     F, q = np.array([[1.0, dt], [0.0, 1.0]]), turn**2 * noise
     Q = q * np.array([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]]) + np.diag([fresh, 0.0])
     for r in 20.0 + np.arange(1, 8) + rng.normal(size=7):
         before = only(m, at)
-        runs.follow(m, r, noise, fresh, 0.0, 0.5, 0.5, dt)
+        runs.follow(m, r, noise, fresh, NO, 0.0, 0.5, 0.5, dt)
         x, P = F @ x, F @ P @ F.T + Q
         density, *_ = runs.log_run(before, r, noise, fresh, -50.0, dt)
         far = norm.sf(runs.LEAST * np.sqrt(noise), x[0], np.sqrt(P[0, 0]))  # far enough off for a run
@@ -168,9 +178,9 @@ def test_a_further_row_of_a_run_is_somewhere():
 
 def aged(rows):
     m = np.zeros(runs.MEMORY)
-    runs.follow(m, 30.0, 1.0, 0.0, 1.0, 0.0, 0.0, 0.05)
+    runs.follow(m, 30.0, 1.0, 0.0, NO, 1.0, 0.0, 0.0, 0.05)
     for _ in range(rows - 1):
-        runs.follow(m, 30.0, 1.0, 0.0, 0.0, 0.3, 0.3, 0.05)
+        runs.follow(m, 30.0, 1.0, 0.0, NO, 0.0, 0.3, 0.3, 0.05)
     return m
 
 
@@ -193,9 +203,9 @@ def test_another_begin_is_of_no_age_and_a_likely_one_of_its_share():
     m = aged(20)
     assert m[runs.AGE] == 19.0
     half = m.copy()
-    runs.follow(half, 30.0, 1.0, 0.0, 0.5, 0.3, 0.3, 0.05)
+    runs.follow(half, 30.0, 1.0, 0.0, NO, 0.5, 0.3, 0.3, 0.05)
     assert half[runs.AGE] == pytest.approx(0.5 * 20.0)
-    runs.follow(m, -80.0, 1.0, 0.0, 1.0, 0.3, 0.3, 0.05)
+    runs.follow(m, -80.0, 1.0, 0.0, NO, 1.0, 0.3, 0.3, 0.05)
     assert m[runs.AGE] == 0.0
     assert way(m) == pytest.approx((1 / 3, 1 / 3, 1 / 3))
     assert runs.stay(m) == pytest.approx(1.0 - 1.0 / runs.ROWS)

@@ -41,7 +41,7 @@ def levels(r, s, noise, memory, weighed=None, t_ns=None):
         begun, gone_on = (chance[GOOD] + chance[GROSS]) * A[GOOD, RUN] * gross, chance[RUN] * A[RUN, RUN] * on
         chance = np.array([chance @ A[:, GOOD] * good, chance @ A[:, GROSS] * gross, begun + gone_on])
         chance = chance / chance.sum()
-        runs.follow(m, r[k], noise[k], fresh, begun / (begun + gone_on), bending, steady, seconds)
+        runs.follow(m, r[k], noise[k], fresh, like[1], begun / (begun + gone_on), bending, steady, seconds)
         m[runs.TIME], age = t_ns[k], gone_on / (begun + gone_on) * (age + 1)
     return np.array(out), np.array(moves)
 

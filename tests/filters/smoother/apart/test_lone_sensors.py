@@ -43,7 +43,8 @@ def test_an_outlier_of_a_lone_radar_does_not_take_the_state_along():
 def test_a_lone_sensor_that_was_unknown_is_ambiguous_when_it_is_known_again_smoothed_too():
     radar, rows = scanned(200.0)
     lost = (rows["t_ns"] >= 100e9) & (rows["t_ns"] < 130e9)
-    rows["value"][lost] += 60.0 * np.array([radar.sigma[c] for c in rows["channel"][lost]])
+    erratic = np.random.default_rng(0).uniform(-60.0, 60.0, lost.sum())  # on a run that is smooth it goes on
+    rows["value"][lost] += erratic * np.array([radar.sigma[c] for c in rows["channel"][lost]])
     track, smoothed, _, _ = run(rows, sensors=[radar])
     t_s = track["t_ns"] * 1e-9
     assert not track["ambiguous"][(t_s > 60.0) & (t_s < 100.0)].any()
