@@ -76,12 +76,12 @@ class Bank:
         self.slow = space.prior_slow  # see `Hypothesis`, of the newest one that was forgotten
         self._close_call, self.spread = False, np.zeros((CORE, CORE))  # (9, 9) doubt between hypotheses
         self._challenge: Challenge | None = None  # whose challengers have lost
-        self._contradicted = False  # by another sensor, since a start by one alone
+        self._contradicted = False  # by another sensor, and confirmed by one alone
         self._unproven: proof.Spans = ()
         self.reason = ""  # of the newest start
 
     def ambiguous(self, t_ns: np.ndarray) -> np.ndarray:
-        """(k,) bool: another hypothesis is nearly as likely, or nobody else has confirmed this start yet."""
+        """(k,) bool: another hypothesis is nearly as likely, or one sensor's word is against another's."""
         return self._close_call | self._contradicted | self.unproven(t_ns)
 
     def unproven(self, t_ns: np.ndarray) -> np.ndarray:
@@ -98,8 +98,7 @@ class Bank:
         other.__dict__.update(self.__dict__)
         other.best = self.best and self.best.copy()
         if self.alternative is not None:
-            prior, hypothesis = self.alternative
-            other.alternative = Trial(prior, hypothesis.copy())
+            other.alternative = self.alternative._replace(hypothesis=self.alternative.hypothesis.copy())
         return other
 
     def admit_alternative(self, new: Rows, states: gated.EpochStates, rule: gated.Rule) -> None:
@@ -134,12 +133,11 @@ class Bank:
         top = max(ranked, key=lambda trial: trial.log_odds + inertia * (trial.hypothesis is not best))
         self._doubt(top, ranked)
         self._keep_alternative(top, ranked)
-        if self._contradicted:
-            self._contradicted = self._witnesses(rows)[0] < 2
         if top.hypothesis is not best:
             self.best, self._challenge = top.hypothesis, None
-        elif not keep or len(ranked) == 1:  # the trace is the incumbent's still, or nobody reads it
-            return found
+        self._confirmed(rows)
+        if top.hypothesis is best and (not keep or len(ranked) == 1):
+            return found  # the trace is the incumbent's still, or nobody reads it
         if top in starts:
             if not best.young:  # else it is still the first one's
                 refused = (best.own.weight < status.DOUBT).mean()
@@ -244,12 +242,9 @@ class Bank:
         """One that rests on one sensor is ambiguous for a while: what it says may be a run of its own.
 
         Half of all runs are shorter than ROWS; of those that have lasted for so many rows already, half last
-        no longer again than these and ROWS: all ``unknown`` epochs without a state may be of one run. Where
-        another sensor contradicts it, until one confirms it: nobody can tell who of the two is wrong.
+        no longer again than these and ROWS: all ``unknown`` epochs without a state may be of one run.
         """
-        confirmed, heard = self._witnesses(rows)
-        self._contradicted = confirmed < 2 <= heard
-        if confirmed < 2 and len(rows.t):
+        if self._confirmed(rows) < 2 and len(rows.t):
             proof_ns = max(PROOF_NS, round((runs.ROWS + unknown) * scan_ns(rows)))
             until_ns = self.best.head.t_ns + proof_ns
             self._unproven = proof.with_span(self._unproven, int(rows.t[0]), until_ns)
@@ -263,6 +258,12 @@ class Bank:
         if self._witnesses(seen)[1] == 2:
             until_ns = t_ns + max(PROOF_NS, round(scan_ns(seen)))
             self._unproven = proof.with_span(self._unproven, t_ns, until_ns)
+
+    def _confirmed(self, rows: Rows) -> int:
+        """How many sensors confirm the state. Where one does, and another contradicts it, it is in doubt."""
+        confirmed, heard = self._witnesses(rows)
+        self._contradicted = confirmed < 2 <= heard
+        return confirmed
 
     def _witnesses(self, rows: Rows) -> tuple[int, int]:
         """`proof.witnesses` of the incumbent, among the first of its ``rows``."""
@@ -296,4 +297,4 @@ class Bank:
             and (apart(top.hypothesis, trial.hypothesis, 1.0) or any(trial.hypothesis is one for one in two))
         ]  # fmt: skip
         likeliest = max(close, key=lambda trial: trial.log_odds, default=None)
-        self.alternative = likeliest and Trial(likeliest.prior - top.prior, likeliest.hypothesis)
+        self.alternative = likeliest and likeliest._replace(prior=likeliest.prior - top.prior)

@@ -194,6 +194,15 @@ def test_a_start_that_another_sensor_contradicts_is_ambiguous_until_one_confirms
     assert not one._contradicted
 
 
+def test_who_is_contradicted_after_its_start_is_ambiguous_too():
+    one, rows, _ = begun([A, B])
+    assert not one._contradicted
+    rows.value[(rows.sensor == 1) & (rows.channel <= ELEVATION)] += 0.1
+    rows.value[(rows.sensor == 1) & (rows.channel == RANGE)] += 150.0
+    one.redecide(rows, 0)
+    assert one.ambiguous(np.array([one.best.head.t_ns + 100 * bank.PROOF_NS])).all()
+
+
 def test_a_third_sensor_tells_which_of_two_is_wrong():
     one, rows = contradicted([A, B, RADAR])
     assert off(one, rows)[1] < 5.0
