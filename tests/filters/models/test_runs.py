@@ -96,7 +96,7 @@ def costs(residuals, line):
 
 @pytest.mark.parametrize("jump", [30.0, 450.0, -4000.0])
 def test_a_line_that_jumps_goes_on_from_there(jump):
-    """As residuals of a start, whose first row knows little: a rate of that size would take rows to forget."""
+    """As residuals of a start, whose first row knows little: such a rate would take rows to forget."""
     residuals = np.concatenate([[1000.0], 1000.0 + jump + np.random.default_rng(3).normal(size=12)])
     density = costs(residuals, runs.STEADY)  # a good row costs 1.4
     assert np.median(density[2:]) > -2.0
