@@ -30,7 +30,7 @@ def _no_annealing(incumbent: Any, rows: Any, weight: np.ndarray, *, annealed: bo
     return incumbent.copy() if annealed else AGAIN(incumbent, rows, weight, annealed=False)
 
 
-def _first_starts(self: Bank, rows: Any) -> list:
+def _first_starts(self: Bank, rows: Any, **_: Any) -> list:
     return STARTS(self, rows) if self.best is None or self.best.young else []
 
 
@@ -59,6 +59,7 @@ PARTS = {
     "no proposal `manoeuvre`": Part(((proposals, "manoeuvre", lambda incumbent, _: incumbent.copy()),)),
     "no proposal `start` but the first": Part(((Bank, "_starts", _first_starts),)),
     "no alternative that lives on": Part(((Bank, "_keep_alternative", lambda _self, _top, _ranked: None),)),
+    "a run that has begun is no reason": Part(((proposals, "going_on", lambda _incumbent, _rows: False),)),
     "no prior odds of a change": Part(((bank, "INERTIA", 0.0),)),
     "no second look at a surprise": Part(((estimator, "SURPRISE_NS", gated.NEVER_NS // 2),)),
     "densities of the motion as set": Part(
