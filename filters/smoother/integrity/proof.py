@@ -33,6 +33,8 @@ def with_span(spans: Spans, begin_ns: int, end_ns: int) -> Spans:
 def within(spans: Spans, t_ns: np.ndarray) -> np.ndarray:
     """(k,) bool, which of ``t_ns`` (k,) are in one of ``spans``."""
     found = np.zeros(len(t_ns), bool)
-    for begin_ns, end_ns in spans:
+    for begin_ns, end_ns in reversed(spans):  # after hours there are many, and the newest are asked for
+        if end_ns <= t_ns.min(initial=np.iinfo(np.int64).max):
+            break
         found |= (begin_ns <= t_ns) & (t_ns < end_ns)
     return found
