@@ -113,7 +113,7 @@ def test_a_restart_keeps_how_large_they_are():
         known[name], resets = estimator._window.now.best.slow, estimator.report()["resets"]
     assert len(resets) == 1
     assert (known["before"][0] > 0.5).all()
-    assert known["after"][0] == pytest.approx(known["before"][0], abs=0.5)
+    assert known["after"][0] == pytest.approx(known["before"][0], abs=0.3)
 
 
 def test_a_gap_of_a_minute_leaves_how_large_they_are():
