@@ -164,7 +164,7 @@ class Bank:
         fixes = self._starts(rows) if best.young else []
         few = len(rows.t) < FEW_ROWS
         decided_ns = int(rows.t[keep - 1]) if keep else LONG_AGO_NS
-        begun = proposals.going_on(best, rows)
+        begun = not few and proposals.going_on(best, rows)
         if len(rows.t) and (few or self._is_due(int(rows.t[-1]), decided_ns, begun=begun)):
             again = proposals.again(best, rows, np.ones(len(rows.t)), annealed=True)
             wilder = proposals.manoeuvre(best, rows)

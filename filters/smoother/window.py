@@ -199,8 +199,12 @@ class Window:
             bank, rows = self.now.banks[0], self.buffer.view(self.buffer.decided, self.buffer.done)
             for t_ns in track["t_ns"][elsewhere].tolist():
                 bank.note_contradiction(rows, t_ns)
-            track["ambiguous"] |= bank.ambiguous(track["t_ns"])
-            tracks.doubted(track)
+            self._doubt(track)
+
+    def _doubt(self, track: np.ndarray) -> None:
+        """Flag ``track`` (k,) TRACK, made before the incumbent's doubt was noted, in place."""
+        track["ambiguous"] |= self.now.banks[0].ambiguous(track["t_ns"])
+        tracks.doubted(track)
 
     def note_known(self, track: np.ndarray, good: np.ndarray) -> None:
         """A state known again, in ``track`` where it is ``good``, is put to the proof as a start is."""
@@ -210,8 +214,7 @@ class Window:
             return
         if now.unknown:
             bank.put_to_the_proof(self.buffer.view(self.buffer.decided, self.buffer.done), now.unknown)
-            track["ambiguous"] |= bank.ambiguous(track["t_ns"])
-            tracks.doubted(track)
+            self._doubt(track)
         now.was_known, now.unknown = True, len(track) - 1 - int(np.flatnonzero(good)[-1])
 
     def track(self, t_ns: np.ndarray, x: np.ndarray, P: np.ndarray) -> np.ndarray:
