@@ -32,11 +32,13 @@ RATES_HZ = {"ins": 50.0, "theo-north": 20.0, "radar-1": 20.0}
 SITES = {
     "theo-north": (-35.34982, 149.16155, 612.0),
     "theo-east": (-35.36, 149.172, 600.0),
+    "theo-south": (-35.3710, 149.1700, 600.0),
     "radar-1": (-35.3714, 149.1586, 589.0),
 }
 SIGMA = {  # range metres; angles degrees
     "theo-north": (1.0, 0.003),
     "theo-east": (1.0, 0.003),
+    "theo-south": (1.0, 0.003),
     "radar-1": (5.0, 0.05),
 }
 STATION = f"""

@@ -1,18 +1,21 @@
 """A long flight through the live session, faster than real time: what memory, handles and threads it leaves.
 
-INS 35 Hz and three instruments 20 Hz, with record and messages as in a live run, each turn 20 ms of data. The
-table says after each part of the flight what is resident, and at its end which code holds what has grown.
+INS 35 Hz and four instruments 20 Hz, with record, messages and page as in a live run, each turn 20 ms of
+data; and a viewer of the page comes and goes. The table says after each part of the flight what is resident
+and how much work a turn is, and at its end which code holds what has grown.
 """
 
 import heapq
 import os
 import random
+import subprocess
+import sys
 import tempfile
 import threading
 import time
 import tracemalloc
 from collections.abc import Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import msgspec
@@ -20,6 +23,7 @@ import numpy as np
 
 from bench.speed import live
 from bench.speed.flood import resident_mb
+from gcs.commands.compose import targets
 from gcs.contract import config, messages
 from gcs.contract.config import Station
 from gcs.contract.frames import Frame, scene
@@ -30,10 +34,13 @@ from gcs.outputs.record import Record
 from gcs.station.health import Files, Monitor
 from gcs.station.scratch import Scratch
 from gcs.station.session import Session
+from web.view import View
 
-RATES_HZ = {"ins": 35.0, "theo-north": 20.0, "theo-east": 20.0, "radar-1": 20.0}
+RATES_HZ = {"ins": 35.0, "theo-north": 20.0, "theo-east": 20.0, "theo-south": 20.0, "radar-1": 20.0}
 TURN_S = 0.02
-PARTS = 12  # lines of the table
+PARTS = 24  # lines of the table
+PORT = 17_480  # of the page
+STAYS_S = 20.0  # a viewer, before he goes for as long
 EAST = """
 [[sensor]]
 name = "theo-east"
@@ -56,9 +63,11 @@ def run(seconds: float, *, trace: bool) -> dict:
     """Fly and print; gives growth in MB per hour of flight after the first part, handles and threads."""
     with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
         file = Path(folder, "station.toml")
-        file.write_text(live.STATION + EAST)
+        file.write_text(live.STATION + EAST + SOUTH)
         station, frame = config.load(file), Frame(*live.ORIGIN)
-        sink = Publisher(frame, Monitor(list(RATES_HZ), Files()), [_encoded])
+        view = View(scene(station, frame), port=PORT)
+        stack.callback(view.close)
+        sink = Publisher(frame, Monitor(list(RATES_HZ), Files()), [_encoded, *targets(view=view)])
         keep = stack.enter_context(Scratch(Path(folder), to_operator)).keep
         session = Session(station, frame, [Record(Path(folder, "run"), station, frame), sink], keep=keep)
         session.supervise()
@@ -67,24 +76,47 @@ def run(seconds: float, *, trace: bool) -> dict:
         if trace:
             tracemalloc.start()
         seen, first = [], None
-        for part in range(PARTS):
-            began = time.process_time()
-            _fly(session, seconds / PARTS, part)
-            seen.append((resident_mb(os.getpid()), time.process_time() - began))
-            print(
-                f"{(part + 1) * seconds / PARTS / 60:7.1f} min  {seen[-1][0]:7.1f} MB  "
-                f"{seen[-1][1] / seconds * PARTS:.3f} s of work per second",
-                flush=True,
-            )
-            if trace and part == 0:
-                first = tracemalloc.take_snapshot()
+        with _viewer_comes_and_goes():
+            for part in range(PARTS):
+                took_ms = 1e3 * _fly(session, seconds / PARTS, part)
+                seen.append(resident_mb(os.getpid()))
+                print(
+                    f"{(part + 1) * seconds / PARTS / 60:7.1f} min  {seen[-1]:7.1f} MB  work of a turn: "
+                    f"mean {np.mean(took_ms):.2f} ms, p99 {np.percentile(took_ms, 99):.1f}",
+                    flush=True,
+                )
+                if trace and part == 0:
+                    first = tracemalloc.take_snapshot()
         if first:
             _explain(first, seconds * (PARTS - 1) / PARTS)
-        growth = (seen[-1][0] - seen[0][0]) / (seconds * (PARTS - 1) / PARTS) * 3600.0
+        growth = (seen[-1] - seen[0]) / (seconds * (PARTS - 1) / PARTS) * 3600.0
         left = tuple(after - b for after, b in zip(_handles(), before, strict=True))
         print(f"growth {growth:.1f} MB per hour of flight; {left[0]} more handles, {left[1]} more threads")
         _end(session)
     return {"mb_per_hour": growth, "handles": left[0], "threads": left[1]}
+
+
+@contextmanager
+def _viewer_comes_and_goes() -> Iterator[None]:
+    """A viewer in a process of his own, who stays for ``STAYS_S`` and comes again as much later."""
+    over = threading.Event()
+
+    def visit() -> None:
+        command = [sys.executable, "-m", "bench", "page", "--watch", "1"]
+        while not over.is_set():
+            viewer = subprocess.Popen(command, stdout=subprocess.DEVNULL)
+            over.wait(STAYS_S)
+            viewer.kill()
+            viewer.wait()
+            over.wait(STAYS_S)
+
+    visiting = threading.Thread(target=visit)
+    visiting.start()
+    try:
+        yield
+    finally:
+        over.set()
+        visiting.join()
 
 
 def _end(session: Session) -> None:
@@ -112,21 +144,26 @@ def own_mb() -> float:
     return (pages[1] - pages[2]) * os.sysconf("SC_PAGE_SIZE") / 1e6
 
 
-def _fly(session: Session, seconds: float, part: int) -> None:
+def _fly(session: Session, seconds: float, part: int) -> np.ndarray:
+    """Work of each turn, seconds of this thread."""
     noise = random.Random(part)
+    took_s = np.empty(int(seconds / TURN_S))
     begin_ns = T0_NS + round(part * seconds * 1e9)
     due = planned(begin_ns, seconds)
     follows = next(due, None)
-    for turn in range(1, int(seconds / TURN_S) + 1):
+    for turn in range(1, len(took_s) + 1):
         end_ns = begin_ns + int(turn * TURN_S * 1e9)
         heard: dict[str, list] = {}
         while follows and follows[0] < end_ns:
             t_ns, name = follows
             heard.setdefault(name, []).append(live.measure(name, t_ns, noise))
             follows = next(due, None)
+        began_s = time.thread_time()
         for name, found in heard.items():
             _enter(session, name, found, end_ns)
         session.advance(session.align.due_ns(end_ns))
+        took_s[turn - 1] = time.thread_time() - began_s
+    return took_s
 
 
 def planned(begin_ns: int, seconds: float) -> Iterator[tuple[int, str]]:
@@ -151,7 +188,6 @@ def tell(tape: Path) -> None:
     file = tape.with_suffix(".toml")
     file.write_text(live.STATION + EAST + SOUTH)
     station, frame = config.load(file), Frame(*live.ORIGIN)
-    live.SITES["theo-south"], live.SIGMA["theo-south"] = (-35.3710, 149.1700, 600.0), live.SIGMA["theo-east"]
     told: list[tuple[messages.ANY, str]] = []
     publisher = Publisher(frame, Monitor(station.sources, Files()), [lambda s, m, _: told.append((m, s))])
     session = Session(station, frame, [publisher])
@@ -181,7 +217,9 @@ def _encoded(subject: str, message: messages.ANY, source: str) -> None:
 
 
 def _handles() -> tuple[int, int]:
-    return len(list(Path("/proc/self/fd").iterdir())), threading.active_count()
+    """Open files and threads; of the page's library only what is not its pool, 32 workers at most."""
+    threads = [thread for thread in threading.enumerate() if "PoolExecutor" not in thread.name]
+    return len(list(Path("/proc/self/fd").iterdir())), len(threads)
 
 
 def _explain(first: tracemalloc.Snapshot, seconds: float) -> None:

@@ -43,7 +43,6 @@ from web.look.html import clock
 from web.view import View
 
 PARTS = ("bytes", "hour", "seek", "fusion")
-PORT = 17_480
 AHEAD = 4_000  # messages, 5 s of flight, that may wait for the page while the hour goes by
 SETTLE_S, COUNTED_S = 15.0, 45  # seconds of a viewer that are not counted, and that are
 BLUE_PX, PATIENCE_S = 300, 120.0  # so many pixels of the track's colour: it is there
@@ -85,7 +84,7 @@ def run(parts: Sequence[str], minutes: float, seconds: float, repeats: int) -> N
 def serve(tape: Path, minutes: float) -> None:
     """The page, in a process of its own: some minutes of flight at once, then on as time passes."""
     still, told = msgspec.msgpack.decode(tape.read_bytes(), type=tuple[Scene, Told])
-    view = View(still, port=PORT)
+    view = View(still, port=long.PORT)
     live_ns, began_s, said = long.T0_NS + round(minutes * 60e9), 0.0, 0
     for message, source in _endless(told):
         t_ns = message.t_ns
@@ -133,7 +132,7 @@ def page(tape: Path, minutes: float) -> Iterator[None]:
 class Watcher:
     """A viewer that reads what it is sent and draws nothing; ``stalled`` it does not even read."""
 
-    def __init__(self, port: int = PORT, *, stalled: bool = False):
+    def __init__(self, port: int = long.PORT, *, stalled: bool = False):
         self.received = 0  # bytes
         self.slider = ""  # its name in messages
         self._wanted: tuple[str, ...] = ()
@@ -209,7 +208,7 @@ def _first_picture() -> str:
         devtools.on("Page.screencastFrame", take)
         devtools.send("Page.startScreencast", {"format": "png"})
         began_s = time.monotonic()
-        tab.goto(f"http://127.0.0.1:{PORT}")
+        tab.goto(f"http://127.0.0.1:{long.PORT}")
         tab.get_by_text("Sensors").first.wait_for()
         panel_s = time.monotonic() - began_s
         looked, picture_s = 0, np.inf
@@ -248,7 +247,7 @@ def _fusion(folder: Path, viewers: int, seconds: float) -> str:
     file.write_text(live.STATION)
     seen: list[subprocess.Popen] = []
     if viewers:
-        command = [*me, "view", "--station", str(file), "--config", f"view.port={PORT}"]
+        command = [*me, "view", "--station", str(file), "--config", f"view.port={long.PORT}"]
         seen.append(subprocess.Popen(command, stderr=subprocess.DEVNULL))
         command = [sys.executable, "-m", "bench", "page", "--watch", str(viewers)]
         seen.append(subprocess.Popen(command, stdout=subprocess.PIPE, text=True))
