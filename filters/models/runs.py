@@ -12,12 +12,13 @@ or it is erratic: any gross error. Were all loose, an error of so many metres wo
 sharper the instrument, and the sharpest would be believed. All paths of the channel's chain share one level
 of each (the moments of their mixture, as in GPB1: Bar-Shalom et al. 2001, 11.6.3). The levels move also with
 what the prediction does, by the variance ``fresh``. Nearer than LEAST √R there is no run: errors that are
-merely correlated, as an INS's are, make none.
+merely correlated, as an INS's are, make none, unless other channels say that the sensor is `status.astray`.
 
 A channel's memory, ``m`` (MEMORY,): the probability of each status of its newest row (3), the loose level,
 the probability of an outlier after a good row, the variance of the loose level, the time of the newest row,
-ns, for how many rows the run has lasted; of the bending and of the steady line: its probability, level, rate,
-and their covariance (level, both, rate).
+ns, for how many rows the run has lasted, the probability that it has begun with the newest row, and that it
+may be near; of the bending and of the steady line: its probability, level, rate, and their covariance (level,
+both, rate).
 """
 
 import math
@@ -30,8 +31,8 @@ DRIFT = 3.0  # … of a steady one
 FRESH = 0.1  # of the variance of a prediction by all others is new from row to row, where it is not known
 LEAST = 3.0  # sigmas of its own noise by which the rows of a run are off
 ROWS = 10.0  # a run of one row ends with odds of one to so many, less one
-LEVEL, CHANCE, VARIANCE, TIME, AGE = range(3, 8)
-BENDING, STEADY, MEMORY = 8, 14, 20  # where a line begins in the memory, and its end
+LEVEL, CHANCE, VARIANCE, TIME, AGE, BEGUN, NEAR = range(3, 10)
+BENDING, STEADY, MEMORY = 10, 16, 22  # where a line begins in the memory, and its end
 P, LINE, RATE, SHARP, BOTH, STEEP = range(6)  # of a line
 
 
@@ -44,7 +45,7 @@ def log_run(m, r, noise, fresh, gross, seconds):
     """
     on = stay(m)
     far = (1.0 - on) * math.exp(gross)
-    loose = _near(r, noise, m[LEVEL], m[VARIANCE] + fresh + (SPREAD * m[LEVEL]) ** 2)
+    loose = _density(m, r, noise, m[LEVEL], m[VARIANCE] + fresh + (SPREAD * m[LEVEL]) ** 2)
     loose = (1.0 - m[BENDING + P] - m[STEADY + P]) * (far + on * loose)
     bending = m[BENDING + P] * (far + on * _on_line(m, BENDING, r, noise, fresh, seconds))
     steady = m[STEADY + P] * (far + on * _on_line(m, STEADY, r, noise, fresh, seconds))
@@ -53,18 +54,24 @@ def log_run(m, r, noise, fresh, gross, seconds):
 
 
 @exact
-def _near(r, noise, level, variance):
-    """Density of a row at ``level``, times the probability that this is far enough off for a run."""
+def _density(m, r, noise, level, variance):
+    """That of a row at ``level``, times the probability that this is far enough off or may be near."""
     moved = max(variance, 1e-12 * noise)  # before a first run it is nothing
     u = (r - level) / math.sqrt(noise + moved)
     offset = 0.5 * math.erfc((LEAST * math.sqrt(noise) - abs(level)) / math.sqrt(2.0 * moved))
-    return offset * math.exp(-0.5 * u * u) / math.sqrt(2.0 * math.pi * (noise + moved))
+    return (
+        (m[NEAR] + (1.0 - m[NEAR]) * offset)
+        * math.exp(-0.5 * u * u)
+        / math.sqrt(2.0 * math.pi * (noise + moved))
+    )
 
 
 @exact
 def _on_line(m, line, r, noise, fresh, seconds):
-    """`_near` of the ``line`` that begins there in ``m``, ``seconds`` on."""
-    return _near(r, noise, m[line + LINE] + seconds * m[line + RATE], _ahead(m, line, noise, fresh, seconds))
+    """`_density` of the ``line`` that begins there in ``m``, ``seconds`` on."""
+    return _density(
+        m, r, noise, m[line + LINE] + seconds * m[line + RATE], _ahead(m, line, noise, fresh, seconds)
+    )
 
 
 @exact

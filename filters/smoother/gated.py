@@ -7,11 +7,18 @@ from numba import njit
 
 from filters.models.motion import CORE, predict
 from filters.models.rows import AE, RANGE_RATE
-from filters.models.runs import CHANCE
+from filters.models.runs import CHANCE, NEAR
 from filters.models.state import predict_row
 from filters.models.update import spread, update
 from filters.models.update import weight as igg
-from filters.smoother.status import NEGLIGIBLE, PATCH_ROWS, filtered, log_good, log_gross
+from filters.smoother.status import (
+    NEGLIGIBLE,
+    PATCH_ROWS,
+    common_cause,
+    filtered,
+    log_good,
+    log_gross,
+)
 
 NEVER_NS = np.iinfo(np.int64).max  # as a time from which on
 GATE = 3.5  # sigmas from which the order of simultaneous rows matters
@@ -85,7 +92,7 @@ def admit(
             v, variance = predict_row(model, rows, k, x, P, psd, out, 0, work)
             noise = own.noise[k]
             sigma = np.sqrt(variance + noise)
-            w, likelihood = weigh(rule, memory[s, c], v, sigma, noise, t_ns)
+            w, likelihood = weigh(rule, memory, s, c, v, sigma, noise, t_ns)
             if s == excluded:
                 w = 0.0
             else:
@@ -111,13 +118,15 @@ def admit(
 
 
 @njit(cache=True)
-def weigh(rule, memory, v, sigma, noise, t_ns):
-    """Weight of a row at first sight and its log likelihood; its channel's ``memory`` (MEMORY,) moves on."""
+def weigh(rule, memory, s, c, v, sigma, noise, t_ns):
+    """Weight of a row at first sight and its log likelihood; ``memory`` (s, 13, MEMORY) moves on in place."""
+    m = memory[s, c]
     if rule.kind == STATUS:
-        w, likelihood = filtered(memory, v, sigma, noise, t_ns)
+        w, likelihood = filtered(m, v, sigma, noise, t_ns, common_cause(memory, s, c, t_ns))
+        w *= 1.0 - m[NEAR]  # its sensor is astray
         return (w if w > NEGLIGIBLE else 0.0), likelihood
     w, likelihood = igg(v / sigma, rule.soft, rule.hard), max(log_good(v, sigma), log_gross(v, sigma))
-    memory[3] = memory[3] + 1.0 if w < 1.0 else 0.0  # consecutive outliers
-    if rule.kind == M1 and memory[3] >= PATCH_ROWS:
+    m[3] = m[3] + 1.0 if w < 1.0 else 0.0  # consecutive outliers
+    if rule.kind == M1 and m[3] >= PATCH_ROWS:
         w = 0.0
     return w, likelihood

@@ -142,7 +142,7 @@ class Hypothesis:
             for _ in range(1 if temperature > 1.0 else PASSES):
                 found = self._smooth(rows, keep)
                 memory = self.anchor.memory.copy()
-                change = status.posterior(rows, own, memory, closed)
+                change = status.posterior(rows, own, memory, closed, self.young)
                 if temperature == 1.0 and change < SETTLED:
                     break
             if temperature == 1.0:

@@ -263,7 +263,7 @@ def test_a_channel_recovers_from_one_outlier(share):
     memory, seen = status.fresh_memory(1), []
     for k in range(0, count - window, cut):
         part, mine = Rows(*(c[k : k + window] for c in rows)), type(own)(*(c[k : k + window] for c in own))
-        status.posterior(part, mine, memory.copy(), open_(part))
+        status.posterior(part, mine, memory.copy(), open_(part), False)
         status.advance(Rows(*(c[:cut] for c in part)), type(own)(*(c[:cut] for c in mine)), memory)
         seen += mine.weight[:cut].tolist()
     assert seen[30] < 0.01

@@ -95,24 +95,20 @@ def test_an_update_at_first_sight_is_the_filters_own(factor):
 
 @pytest.mark.parametrize("u", [0.5, 1.4, 3.0, 6.0, 9.0])
 def test_igg_weighs_by_the_innovation(u):
-    memory = np.zeros(5)
-    w, _ = gated.weigh(gated.Rule(gated.IGG, 1.5, 8.5), memory, 2.0 * u, 2.0, 1.0, 0)
+    rule, memory = gated.Rule(gated.IGG, 1.5, 8.5), status.fresh_memory(1)
+    w, _ = gated.weigh(rule, memory, 0, RANGE, 2.0 * u, 2.0, 1.0, 0)
     assert w == weight(u, 1.5, 8.5)
 
 
 def test_a_gate_takes_all_or_nothing():
-    gate = gated.Rule(gated.IGG, 4.0, 4.0)
-    assert [gated.weigh(gate, np.zeros(5), v, 1.0, 1.0, 0)[0] for v in (3.9, -3.9, 4.1, -50.0)] == [
-        1,
-        1,
-        0,
-        0,
-    ]
+    gate, memory = gated.Rule(gated.IGG, 4.0, 4.0), status.fresh_memory(1)
+    seen = [gated.weigh(gate, memory, 0, RANGE, v, 1.0, 1.0, 0)[0] for v in (3.9, -3.9, 4.1, -50.0)]
+    assert seen == [1, 1, 0, 0]
 
 
 def test_m1_refuses_the_third_doubtful_row_in_a_row_entirely():
-    rule, memory = gated.Rule(gated.M1, 4.0, 8.0), np.zeros(5)
-    seen = [gated.weigh(rule, memory, v, 1.0, 1.0, 0)[0] for v in (5, 5, 5, 5, 1, 5)]
+    rule, memory = gated.Rule(gated.M1, 4.0, 8.0), status.fresh_memory(1)
+    seen = [gated.weigh(rule, memory, 0, RANGE, v, 1.0, 1.0, 0)[0] for v in (5, 5, 5, 5, 1, 5)]
     part = weight(5.0, 4.0, 8.0)
     assert seen == [part, part, 0.0, 0.0, 1.0, part]
 

@@ -86,8 +86,8 @@ def case(channels, seed, outliers=()):
     for i, size in outliers:
         own.residual[i] = size * own.sigma[i]
     memory = status.fresh_memory(1)
-    memory[0, :, :3] = rng.dirichlet([5, 1, 1])
-    memory[0, :, 3 : runs.BENDING] = rng.normal(), 0.04, 0.5, -STEP_NS, rng.uniform(0.0, 5.0)
+    memory[0, channels, :3] = rng.dirichlet([5, 1, 1])
+    memory[0, :, 3 : runs.BEGUN] = rng.normal(), 0.04, 0.5, -STEP_NS, rng.uniform(0.0, 5.0)
     memory[0, :, runs.BENDING : runs.STEADY] = 0.4, rng.normal(), 3.0, 0.6, 0.1, 50.0
     memory[0, :, runs.STEADY :] = 0.25, rng.normal(), 1.0, 0.4, 0.05, 5.0
     return rows, own, memory
@@ -115,7 +115,7 @@ def test_posterior_is_that_of_all_paths(name, seed):
     channels, outliers = CASES[name]
     rows, own, memory = case(channels, seed, outliers)
     before = memory.copy()
-    change = status.posterior(rows, own, memory, open_(rows))
+    change = status.posterior(rows, own, memory, open_(rows), False)
     largest = 0.0
     for c in set(channels):
         mine = rows.channel == c
@@ -151,8 +151,8 @@ def test_filtered_is_the_forward_half(name):
 def test_closed_rows_get_no_weight_and_the_others_theirs():
     rows, own, memory = case([RANGE, AZIMUTH] * 3, 0)
     twin = type(own)(*(column.copy() for column in own))
-    status.posterior(rows, own, memory.copy(), open_(rows))
-    status.posterior(rows, twin, memory.copy(), rows.channel == AZIMUTH)
+    status.posterior(rows, own, memory.copy(), open_(rows), False)
+    status.posterior(rows, twin, memory.copy(), rows.channel == AZIMUTH, False)
     assert not twin.weight[rows.channel == AZIMUTH].any()
     assert np.array_equal(twin.weight[rows.channel == RANGE], own.weight[rows.channel == RANGE])
 
@@ -261,5 +261,5 @@ def test_a_trace_of_nothing():
     none = Rows(*(column[:0] for column in rows))
     out = passes.trace(1, 9, 0)
     own = type(own)(*(column[:0] for column in own))
-    assert status.posterior(none, own, memory, open_(none)) == 0.0
+    assert status.posterior(none, own, memory, open_(none), False) == 0.0
     assert not any(status.log_evidence(none, own, out, memory, -1))
