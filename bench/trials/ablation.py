@@ -54,7 +54,7 @@ PARTS = {
     "no proposal `without`": Part(
         ((Bank, "redecide", lambda self, rows, keep, _=(): REDECIDE(self, rows, keep)),)
     ),
-    "no proposal `running`": Part(((proposals, "running", lambda _, rows: np.zeros(len(rows.t), bool)),)),
+    "no proposal `closing`": Part(((proposals, "going_wrong", lambda *_: []),)),
     "no proposal `again`": Part(((proposals, "again", _no_annealing),)),
     "no proposal `manoeuvre`": Part(((proposals, "manoeuvre", lambda incumbent, _: incumbent.copy()),)),
     "no proposal `start` but the first": Part(((Bank, "_starts", _first_starts),)),

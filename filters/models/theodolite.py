@@ -20,6 +20,7 @@ from filters.models.rows import AZIMUTH, RANGE
 EARTH_RADIUS_M = 6371000.0
 REFRACTION = {"none": 0.0, "optical": 0.13, "radar": 0.25}
 ZERO_SIGMA = 5.0, np.radians(0.05), np.radians(0.05)  # priors in m, rad: set up with ordinary care
+PARALLEL = 1e-4  # squared sine of the angle between two lines of sight that do not cross
 SLOW_TAU_S = 10.0  # correlation time of the slow errors
 CLOCK_SIGMA_S = 0.1  # prior of the clock offset: a PC synchronised over the network
 
@@ -75,3 +76,22 @@ def _angle(sine, cosine):
     if t2 > 1.0 / 256.0:
         return math.atan2(sine, cosine)
     return t * (1.0 - t2 * (1 / 3 - t2 * (1 / 5 - t2 * (1 / 7 - t2 * (1 / 9 - t2 * (1 / 11 - t2 / 13))))))
+
+
+def line_of_sight(rotation: np.ndarray, azimuth: float, elevation: float) -> np.ndarray:
+    """Unit vector, station ENU, of an instrument with ``rotation`` (3, 3) from there."""
+    flat = np.cos(elevation)
+    return rotation.T @ np.array([flat * np.sin(azimuth), flat * np.cos(azimuth), np.sin(elevation)])
+
+
+def crossing(a: np.ndarray, ray_a: np.ndarray, b: np.ndarray, ray_b: np.ndarray) -> np.ndarray | None:
+    """The point nearest to lines of sight from ``a`` and ``b`` (3,); none of parallel ones or behind them."""
+    base, cosine = b - a, ray_a @ ray_b
+    sine2 = 1.0 - cosine**2
+    if sine2 < PARALLEL:
+        return None
+    along_a = (base @ ray_a - cosine * (base @ ray_b)) / sine2
+    along_b = (cosine * (base @ ray_a) - base @ ray_b) / sine2
+    if along_a <= 0.0 or along_b <= 0.0:
+        return None
+    return (a + along_a * ray_a + b + along_b * ray_b) / 2

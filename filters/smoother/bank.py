@@ -2,21 +2,21 @@
 
 The first two proposals are made wherever there is one to make. The others when the incumbent explains its
 window worse than a right model would (a posterior predictive check: Gelman et al. 2013, *Bayesian Data
-Analysis*, 6.3), whatever went wrong, when a run has begun in it, and where there are few rows; starts until
-the newest one has explained a window, as till then it is no likelier than another one. The log evidence with
-prior odds decides:
+Analysis*, 6.3), whatever went wrong, when a run has begun in it, when fewer than two sensors confirm it, and
+where there are few rows; starts until the newest one has explained a window, as till then it is no likelier
+than another one. The log evidence with prior odds decides:
 
     without     the weights of another bank, where that puts the target elsewhere
-    running     rows after the begin of a run stay closed in their channel, then opened
+    closing     rows after the begin of a run stay closed in its channel, then opened
+    astray      the same in all channels of the sensor
     again       the same anchor, all rows open again, annealed
     manoeuvre   the same, with a much wilder motion from just before the misfits begin
     start       nothing known before: each sensor's own fix and rows, then all rows
 
 Where they lose they are tried again as soon as it explains less than before, when what it does not explain is
 about to be decided, and else after twice the time: what one explanation gains on another grows with the rows.
-The first start, a gap, a jump, a capture by a bad sensor are all the last of these. The likeliest of those
-that lose, if it is close and another explanation, lives on as the alternative: it takes the same rows, and is
-tried again until they are decided.
+The first start, a gap, a jump, a capture are all the last of these. The likeliest of those that lose, if it
+is close and another explanation, lives on as the alternative, and is tried until the rows are decided.
 """
 
 from collections.abc import Sequence
@@ -27,7 +27,7 @@ import numpy as np
 from filters.models import runs
 from filters.models.motion import CORE
 from filters.smoother import gated, proposals, status
-from filters.smoother.buffer import Rows, scan_ns
+from filters.smoother.buffer import Rows, scan_ns, streams
 from filters.smoother.hypothesis import LONG_AGO_NS, Hypothesis, Workspace, apart, differ
 from filters.smoother.integrity import proof
 from filters.smoother.passes import Scores
@@ -152,41 +152,41 @@ class Bank:
         best, trials, starts = self.best, [], []
         if self.alternative is not None:
             (starts if self.alternative.hypothesis.young else trials).append(self.alternative)
-        for other in others:
-            if apart(best, other):
-                trials.append(Trial(0.0, proposals.again(best, rows, other.own.weight, annealed=False)))
-        running = proposals.running(best, rows)
-        if running.any():
-            trial = best.copy()
-            trial.settle(rows, 0, running)
-            trials.append(Trial(0.0, trial))
-            trials.append(Trial(0.0, proposals.again(best, rows, trial.own.weight, annealed=False)))
+        weights = [other.own.weight for other in others if apart(best, other)]
+        likely = [proposals.again(best, rows, weight, annealed=False) for weight in weights]
+        if running := proposals.going_wrong(best, rows, streams(rows)):
+            likely += proposals.closing(best, rows, np.any(running, axis=0))
         fixes = self._starts(rows) if best.young else []
         few = len(rows.t) < FEW_ROWS
         decided_ns = int(rows.t[keep - 1]) if keep else LONG_AGO_NS
-        begun = not few and proposals.going_on(best, rows)
-        if len(rows.t) and (few or self._is_due(int(rows.t[-1]), decided_ns, begun=begun)):
+        confirmed, heard = self._witnesses(rows)
+        lost = confirmed < min(heard, 2)  # one sensor's word against others, or nobody's
+        doubted = lost or (not few and proposals.going_on(best, rows))
+        if len(rows.t) and (few or self._is_due(int(rows.t[-1]), decided_ns, doubted=doubted)):
+            for astray in proposals.going_wrong(best, rows, rows.sensor):
+                likely += proposals.closing(best, rows, astray)
             again = proposals.again(best, rows, np.ones(len(rows.t)), annealed=True)
             wilder = proposals.manoeuvre(best, rows)
-            trials += [Trial(0.0, again), Trial(ODDS_MANOEUVRE, wilder)]
-            unexplained = min(again.shortfall, wilder.shortfall) > SHORTFALL
-            if not fixes and (few or unexplained or best.shortfall > WRONG):
+            likely.append(again)
+            trials.append(Trial(ODDS_MANOEUVRE, wilder))
+            top = max(best, again, wilder, key=lambda one: one.log_evidence)
+            if not fixes and (few or lost or top.shortfall > SHORTFALL or best.shortfall > WRONG):
                 fixes = self._starts(rows, only_refused=not few and best.shortfall < WRONG)
         if fixes:
-            likeliest = max(fixes, key=lambda fix: fix.log_evidence)
-            trials.append(Trial(0.0, proposals.again(best, rows, likeliest.own.weight, annealed=False)))
+            weight = max(fixes, key=lambda fix: fix.log_evidence).own.weight
+            likely.append(proposals.again(best, rows, weight, annealed=False))
             starts += [Trial(0.0 if best.young else ODDS_START, fix) for fix in fixes]
-        return trials, starts
+        return trials + [Trial(0.0, one) for one in likely], starts
 
-    def _is_due(self, t_ns: int, decided_ns: int, *, begun: bool = False) -> bool:
+    def _is_due(self, t_ns: int, decided_ns: int, *, doubted: bool = False) -> bool:
         """Whether there is a reason to challenge the incumbent about rows up to ``t_ns``, and it is time to.
 
-        It explains them too poorly, or a run has ``begun`` among them, which may be a manoeuvre as well.
+        It explains them too poorly, or is ``doubted``: a run that begins may be a manoeuvre as well.
         Those up to ``decided_ns`` are about to be decided.
         """
         short, last = self.best.shortfall, self._challenge
         poor = short >= SHORTFALL
-        if not poor and not begun:
+        if not poor and not doubted:
             self._challenge = None
             return False
         since_ns = t_ns if last is None else last.since_ns

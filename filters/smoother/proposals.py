@@ -7,7 +7,7 @@ states around such places, and around the crossings of two lines of sight.
 
     starts      nothing known before: a candidate of each sensor and its rows, then all rows
     again       the incumbent's anchor, from other weights: all rows open, annealed, or as another bank has it
-    running     rows after the begin of a run stay closed in their channel
+    closing     rows after the begin of a run stay closed, in its channel or in its sensor
     manoeuvre   the incumbent's anchor, with a much wilder motion from just before the misfits begin
 
 Who of them wins is the `bank`'s.
@@ -22,6 +22,7 @@ from filters.models.kernel import kernel
 from filters.models.motion import CORE
 from filters.models.rows import AZIMUTH, ELEVATION, RANGE, VE, E, N, U
 from filters.models.state import Model, prior_covariance
+from filters.models.theodolite import crossing, line_of_sight
 from filters.smoother import adaptation, status
 from filters.smoother.buffer import Rows, outcome, streams
 from filters.smoother.hypothesis import Hypothesis, Moment, Workspace
@@ -32,9 +33,9 @@ NEAR = 0.05  # of the distance: the same where only crossing lines of sight say 
 SPEED_SIGMA_MPS = 300.0  # … about what its own places show
 ACCELERATION_SIGMA_MPS2 = 20.0
 TOGETHER_NS = 100_000_000  # two lines of sight so close in time cross where the target is
-PARALLEL = 1e-4  # squared sine of the angle between two lines of sight that do not cross
 LEAD_NS = 100_000_000  # a jerk is under way for so long before a position shows it: (6 · 0.1 m / 600 m/s³)^⅓
 MISFIT = 5.0  # rows that one misfit outweighs in the search for where a manoeuvre began
+TRIES, GAIN = 8, 1.0  # a start is settled so often, or until its log evidence changes by less
 FASTEST_MPS = 1000.0  # 1-sigma per axis of the speeds that there are
 FASTEST = 3.0  # … of which no target is faster: fixes that say so are those of a run of outliers
 
@@ -96,36 +97,16 @@ def fixes(model: Model, rows: Rows, height_m: float) -> np.ndarray:
         elif np.isfinite(rows.place[k, 0]):
             found.append((s, t_s[k], *rows.place[k]))
         elif AZIMUTH in said and ELEVATION in said:
-            rays.append((s, t_s[k], _ray(model, s, said[AZIMUTH], said[ELEVATION])))
+            rays.append((s, t_s[k], line_of_sight(model.rotation[s], said[AZIMUTH], said[ELEVATION])))
         elif AZIMUTH in said and np.isfinite(height_m):
-            rays.append((s, t_s[k], _ray(model, s, said[AZIMUTH], 0.0)))
+            rays.append((s, t_s[k], line_of_sight(model.rotation[s], said[AZIMUTH], 0.0)))
     for i, (a, when, ray) in enumerate(rays):
         for b, then, other in rays[max(0, i - 8) : i]:
             if a != b and when - then <= TOGETHER_NS * 1e-9:
-                cross = _crossing(model, a, ray, b, other)
+                cross = crossing(model.offset[a], ray, model.offset[b], other)
                 if cross is not None:
                     found.append((min(a, b), when, *cross))
     return np.array(found).reshape(-1, 5)
-
-
-def _ray(model, s, azimuth, elevation):
-    """Unit vector of the line of sight, station ENU."""
-    flat = np.cos(elevation)
-    local = np.array([flat * np.sin(azimuth), flat * np.cos(azimuth), np.sin(elevation)])
-    return model.rotation[s].T @ local
-
-
-def _crossing(model, a, ray_a, b, ray_b):
-    """The point nearest to both lines of sight, unless they are all but parallel or meet behind."""
-    base, cosine = model.offset[b] - model.offset[a], ray_a @ ray_b
-    sine2 = 1.0 - cosine**2
-    if sine2 < PARALLEL:
-        return None
-    along_a = (base @ ray_a - cosine * (base @ ray_b)) / sine2
-    along_b = (cosine * (base @ ray_a) - base @ ray_b) / sine2
-    if along_a <= 0.0 or along_b <= 0.0:
-        return None
-    return (model.offset[a] + along_a * ray_a + model.offset[b] + along_b * ray_b) / 2
 
 
 def candidates(
@@ -195,21 +176,28 @@ def again(incumbent: Hypothesis, rows: Rows, weight: np.ndarray, *, annealed: bo
     return trial
 
 
-def running(incumbent: Hypothesis, rows: Rows) -> np.ndarray:
-    """(k,) bool: rows from the begin of a run in their channel on, if some are used all the same."""
-    found, outlier = patches(incumbent, rows), incumbent.own.weight < status.DOUBT
-    name = streams(rows)
-    for one in np.unique(name[found]):
-        mine = np.flatnonzero(name == one)
-        since = mine[np.argmax(found[mine]) :]
-        found[since] = not outlier[since].all()
-    return found
+def closing(incumbent: Hypothesis, rows: Rows, closed: np.ndarray) -> list[Hypothesis]:
+    """The same anchor; ``closed`` rows (k,) stay closed in one, and are opened again in the other."""
+    trial = incumbent.copy()
+    trial.settle(rows, 0, closed)
+    return [trial, again(incumbent, rows, trial.own.weight, annealed=False)]
+
+
+def going_wrong(incumbent: Hypothesis, rows: Rows, of: np.ndarray) -> list[np.ndarray]:
+    """(k,) bool each: rows ``of`` (k,) one channel or sensor from a patch in it on, if some are used."""
+    found, used, out = patches(incumbent, rows), incumbent.own.weight >= status.DOUBT, []
+    for one in np.unique(of[found]):
+        since = of == one
+        since[: np.argmax(found & since)] = False
+        if used[since].any():
+            out.append(since)
+    return out
 
 
 def patches(incumbent: Hypothesis, rows: Rows) -> np.ndarray:
     """(k,) bool: rows at which the first patch of outliers begins in their channel, one each at most."""
-    found, outlier = np.zeros(len(rows.t), bool), incumbent.own.weight < status.DOUBT
-    name = streams(rows)
+    outlier, name = incumbent.own.weight < status.DOUBT, streams(rows)
+    found = np.zeros(len(rows.t), bool)
     for one in np.unique(name[outlier & (rows.sensor != incumbent.excluded)]):
         mine = np.flatnonzero(name == one)
         if len(mine) >= status.PATCH_ROWS:
@@ -280,8 +268,11 @@ def starts(
             trial.scale, trial.motion, trial.psd = incumbent.scale, incumbent.motion, incumbent.usual_psd
         trial.judged(outcome(len(rows.t)))
         trial.own.weight[:] = rows.sensor == s
-        trial.settle(rows, 0)
-        trial.settle(rows, 0)
+        for _ in range(TRIES):
+            before = trial.log_evidence
+            trial.settle(rows, 0)
+            if abs(trial.log_evidence - before) < GAIN:
+                break
         trial.log_evidence -= 0.5 * float(np.sum((trial.head.x[3:6] / FASTEST_MPS) ** 2))
         trials.append(trial)
     return trials

@@ -127,7 +127,9 @@ def test_a_start_yields_to_a_better_one_until_it_has_explained_a_window():
     for end in (6, 20, 60, len(rows.t)):
         fresh = outcome(end - seen)
         fresh.weight[:] = 1.0
-        one.best.judged(Outcome(*(np.concatenate(both) for both in zip(one.best.own, fresh, strict=True))))
+        for hypothesis in (one.best, *(one.alternative[1:] if one.alternative else ())):
+            own = (np.concatenate(both) for both in zip(hypothesis.own, fresh, strict=True))
+            hypothesis.judged(Outcome(*own))
         seen, part = end, Rows(*(column[:end] for column in rows))
         found = one.redecide(part, 0)
     assert one.best.young

@@ -8,7 +8,7 @@ from filters.models.motion import PSD
 from filters.models.rows import AZIMUTH, E
 from filters.smoother import bank, proposals, status
 from filters.smoother.bank import Bank
-from filters.smoother.buffer import Outcome, Rows, outcome
+from filters.smoother.buffer import Outcome, Rows, outcome, streams
 from filters.smoother.hypothesis import Workspace
 from filters.smoother.proposals import Prior
 from tests.filters.smoother.kit import small
@@ -69,6 +69,21 @@ def test_no_challenge_when_all_is_well():
     assert not one.spread.any()
 
 
+@pytest.mark.parametrize(
+    ("refused", "asked"), [((), False), ((1, 2), False), ((1, 2, 3), True), (range(4), True)]
+)
+def test_who_is_not_confirmed_by_two_any_more_is_asked_and_starts_are_tried(refused, asked, monkeypatch):
+    one, rows = later([INS, A, B, RADAR])
+    one.best.own.weight[np.isin(rows.sensor, refused)] = 0.0
+    begun = []
+    monkeypatch.setattr(one.best, "settle", lambda *_, **__: None)  # it stays as it is
+    monkeypatch.setattr(proposals, "starts", lambda *given: begun.append(given) or [])
+    monkeypatch.setattr(proposals, "going_on", lambda *_: False)
+    one.best.shortfall = 0.0
+    one._challengers(rows, 0, ())
+    assert bool(begun) == asked
+
+
 def test_outliers_are_no_reason_to_begin_again():
     def spoil(rows):
         at = np.random.default_rng(0).permutation(len(rows.t))[:20]
@@ -103,10 +118,10 @@ def test_who_explains_less_than_when_it_was_challenged_is_so_at_once():
 def test_a_run_that_has_begun_is_a_reason_but_none_to_ask_before_each_decision():
     one, _, _ = begun([A, B])
     one.best.shortfall = 0.0
-    asked = [t_ns for t_ns in range(100, 1000, 50) if one._is_due(t_ns, t_ns - 50, begun=True)]
+    asked = [t_ns for t_ns in range(100, 1000, 50) if one._is_due(t_ns, t_ns - 50, doubted=True)]
     assert asked == [100, 150, 200, 300, 500, 900]
     assert not one._is_due(1000, 0)
-    assert one._is_due(1050, 0, begun=True)
+    assert one._is_due(1050, 0, doubted=True)
 
 
 def test_a_run_goes_on_that_began_in_the_window_and_has_not_ended():
@@ -180,6 +195,28 @@ def test_a_patch_begins_once_in_a_channel_and_needs_three_in_a_row():
     assert not proposals.patches(one.best, rows).any()
 
 
+def test_what_goes_wrong_is_a_channel_or_a_whole_sensor_from_its_first_patch_on():
+    one, rows = later([INS, A])
+    own, mine = one.best.own, np.flatnonzero(rows.sensor == 1)
+    azimuth = mine[rows.channel[mine] == AZIMUTH]
+    assert not proposals.going_wrong(one.best, rows, rows.sensor)
+    own.weight[azimuth[3:6]] = 0.0
+    [channel] = proposals.going_wrong(one.best, rows, streams(rows))
+    [sensor] = proposals.going_wrong(one.best, rows, rows.sensor)
+    assert np.flatnonzero(channel).tolist() == azimuth[3:].tolist()
+    assert np.flatnonzero(sensor).tolist() == mine[mine >= azimuth[3]].tolist()
+    own.weight[azimuth[3:]] = 0.0
+    assert not proposals.going_wrong(one.best, rows, streams(rows))  # all of it is closed already
+
+
+def test_closed_rows_stay_closed_in_the_one_and_are_opened_in_the_other():
+    one, rows = later([INS, A, B, RADAR])
+    closed = rows.sensor == 1
+    shut, opened = proposals.closing(one.best, rows, closed)
+    assert not shut.own.weight[closed].any()
+    assert (opened.own.weight[closed] > 0.5).mean() > 0.95
+
+
 @pytest.mark.parametrize("liar", range(3))
 def test_the_bank_finds_one_of_three_that_is_wrong_throughout(liar):
     def spoil(rows):
@@ -197,7 +234,9 @@ def test_the_bank_finds_one_of_three_that_is_wrong_throughout(liar):
     assert (one.best.own.weight[rows.sensor != liar] > status.DOUBT).mean() > 0.9
 
 
-@pytest.mark.parametrize(("size", "at_s"), [(50.0, 1.3), (50.0, 1.0), (500.0, 1.0), (5000.0, 1.0)])
+@pytest.mark.parametrize(
+    ("size", "at_s"), [(10.0, 1.0), (50.0, 1.3), (50.0, 1.0), (500.0, 1.0), (5000.0, 1.0)]
+)
 def test_after_a_jump_of_everything_the_state_is_where_all_say(size, at_s):
     """Within the window, where only another start explains its end, or before its first row."""
     path = jump(size, at_s)
