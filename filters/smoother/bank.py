@@ -170,8 +170,9 @@ class Bank:
             likely.append(again)
             trials.append(Trial(ODDS_MANOEUVRE, wilder))
             top = max(best, again, wilder, key=lambda one: one.log_evidence)
-            if not fixes and (few or lost or top.shortfall > SHORTFALL or best.shortfall > WRONG):
-                fixes = self._starts(rows, only_refused=not few and best.shortfall < WRONG)
+            mild = not few and not lost and best.shortfall < WRONG
+            if not fixes and (not mild or top.shortfall > SHORTFALL):
+                fixes = self._starts(rows, only_refused=mild)
         if fixes:
             weight = max(fixes, key=lambda fix: fix.log_evidence).own.weight
             likely.append(proposals.again(best, rows, weight, annealed=False))
@@ -229,14 +230,11 @@ class Bank:
         return True
 
     def _starts(self, rows: Rows, *, only_refused: bool = False) -> list[Hypothesis]:
-        """From each sensor, or only from those in which the incumbent refuses a patch.
-
-        What it uses all along it has begun from already: such a start would end where it is.
-        """
-        slow, of = (self.best or self).slow, rows.sensor
+        """From each sensor, or only from those in which the incumbent refuses a patch: it uses the others."""
+        slow, of, tries = (self.best or self).slow, rows.sensor, proposals.TRIES
         if only_refused:
-            of = rows.sensor[proposals.patches(self.best, rows)]
-        return proposals.starts(self.space, rows, of, self.prior, self.best, self.excluded, slow)
+            of, tries = rows.sensor[proposals.patches(self.best, rows)], proposals.FEW_TRIES
+        return proposals.starts(self.space, rows, of, self.prior, self.best, self.excluded, slow, tries)
 
     def put_to_the_proof(self, rows: Rows, unknown: int = 0) -> None:
         """One that rests on one sensor is ambiguous for a while: what it says may be a run of its own.

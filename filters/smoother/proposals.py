@@ -35,7 +35,8 @@ ACCELERATION_SIGMA_MPS2 = 20.0
 TOGETHER_NS = 100_000_000  # two lines of sight so close in time cross where the target is
 LEAD_NS = 100_000_000  # a jerk is under way for so long before a position shows it: (6 · 0.1 m / 600 m/s³)^⅓
 MISFIT = 5.0  # rows that one misfit outweighs in the search for where a manoeuvre began
-TRIES, GAIN = 8, 1.0  # a start is settled so often, or until its log evidence changes by less
+TRIES, FEW_TRIES = 8, 2  # a start is settled so often, where little is wrong so often
+GAIN = 1.0  # … or until its log evidence changes by less
 FASTEST_MPS = 1000.0  # 1-sigma per axis of the speeds that there are
 FASTEST = 3.0  # … of which no target is faster: fixes that say so are those of a run of outliers
 
@@ -247,6 +248,7 @@ def starts(
     incumbent: Hypothesis | None,
     excluded: int,
     slow: np.ndarray,
+    tries: int,
 ) -> list[Hypothesis]:
     """From what each sensor ``of`` some (m,) says; what an ``incumbent`` knows of errors is kept.
 
@@ -268,7 +270,7 @@ def starts(
             trial.scale, trial.motion, trial.psd = incumbent.scale, incumbent.motion, incumbent.usual_psd
         trial.judged(outcome(len(rows.t)))
         trial.own.weight[:] = rows.sensor == s
-        for _ in range(TRIES):
+        for _ in range(tries):
             before = trial.log_evidence
             trial.settle(rows, 0)
             if abs(trial.log_evidence - before) < GAIN:
