@@ -61,17 +61,21 @@ def epoch_states(epochs: int, n: int) -> EpochStates:
 
 @njit(cache=True)
 def admit(
-    model, rows, own, psd, x, P, t_ns, memory, excluded, rule, surprise, quiet_ns, out, to, work
+    model, rows, own, begin, scale, psd, x, P, t_ns, memory, excluded, rule, surprise, quiet_ns, out, to, work
 ):  # fmt: skip
     """Filter rows epoch by epoch, in place; stops after the first epoch from ``quiet_ns`` on that surprises.
 
     Where a row of an epoch looks wrong, those that agree best with the prediction go first and sharpen it
-    for the rest: the sensors vote at the same instant. ``memory`` (s, 13, MEMORY) are the statuses so far,
-    see `status.filtered`. Rows of sensor ``excluded`` get no weight. The states go into ``to``.
-    Returns (rows taken, epochs, the surprise reached).
+    for the rest: the sensors vote at the same instant. What is made of the rows goes into ``own`` from
+    ``begin`` on; ``scale`` (s, 13) is the logarithm of their noise variance over the stated one.
+    ``memory`` (s, 13, MEMORY) are the statuses so far, see `status.filtered`. Rows of sensor ``excluded`` get
+    no weight. The states go into ``to``. Returns (rows taken, epochs, the surprise reached).
     """
     count, epoch, i = len(rows.t), 0, 0
     misfit = np.zeros(count)
+    for k in range(count):
+        own.noise[begin + k] = rows.stated[k] * np.exp(scale[rows.sensor[k], rows.channel[k]])
+        own.regime[begin + k] = 0
     while i < count:
         end = i + 1
         while end < count and rows.t[end] == rows.t[i]:
@@ -82,7 +86,7 @@ def admit(
         largest = 0.0
         for k in range(i, end):
             v, variance = predict_row(model, rows, k, x, P, psd, out, 0, work)
-            misfit[k] = abs(v) / np.sqrt(variance + own.noise[k])
+            misfit[k] = abs(v) / np.sqrt(variance + own.noise[begin + k])
             largest = max(largest, misfit[k])
         order = np.argsort(misfit[i:end]) if largest > GATE else np.arange(end - i)
         fixed, lost = False, 0.0
@@ -90,15 +94,15 @@ def admit(
             k = i + j
             s, c = rows.sensor[k], rows.channel[k]
             v, variance = predict_row(model, rows, k, x, P, psd, out, 0, work)
-            noise = own.noise[k]
+            noise = own.noise[begin + k]
             sigma = np.sqrt(variance + noise)
             w, likelihood = weigh(rule, memory, s, c, v, sigma, noise, t_ns)
             if s == excluded:
                 w = 0.0
             else:
                 lost += min(log_good(sigma, sigma) - likelihood, MOST) - MOST * memory[s, c, CHANCE]
-            own.weight[k], own.residual[k], own.sigma[k] = w, v, sigma
-            own.nis[k] = (v / sigma) ** 2
+            at = begin + k
+            own.weight[at], own.residual[at], own.sigma[at], own.nis[at] = w, v, sigma, (v / sigma) ** 2
             if w > 0.0:
                 if rule.kind == IGG:
                     update(x, P, out.m[0], v, variance + noise / w)

@@ -62,7 +62,7 @@ class Hypothesis:
 
     def __init__(self, space: Workspace, anchor: Moment, excluded: int = -1):
         self.space, self.anchor, self.head, self.excluded = space, anchor, anchor.copy(), excluded
-        self.own = self._room = outcome(0)  # the first of what there is room for
+        self.judged(outcome(0))
         self.psd = space.prior_psd  # (4,) densities now
         self.motion = space.prior_motion  # (2, 4) what is known of the usual ones
         self.psd_before = self.psd  # of the rows in the window before a manoeuvre: regime 1
@@ -86,7 +86,12 @@ class Hypothesis:
 
     def judged(self, own: Outcome) -> None:
         """Begin with what was made of the window's rows."""
-        self.own = self._room = own
+        self._room, self._size = own, len(own.weight)  # the first of what there is room for
+
+    @property
+    def own(self) -> Outcome:
+        """What it makes of the window's rows."""
+        return Outcome(*(column[: self._size] for column in self._room))
 
     @property
     def usual_psd(self) -> np.ndarray:
@@ -106,19 +111,19 @@ class Hypothesis:
 
         Nothing surprises before ``quiet_ns``."""
         space, model, head = self.space, self.space.model, self.head
-        size, end = len(self.own.weight), len(self.own.weight) + len(new.t)
+        end = self._size + len(new.t)
         if end > len(self._room.weight):
-            self._room = outcome(2 * end)
-            for column, known in zip(self._room, self.own, strict=True):
-                column[:size] = known
-        own = Outcome(*(column[size:end] for column in self._room))
-        own.noise[:], own.regime[:] = self._noise(new), 0
+            room = outcome(2 * end)
+            for column, known in zip(room, self.own, strict=True):
+                column[: self._size] = known
+            self._room = room
         count, epochs, self.surprise = gated.admit(
-            model, new, own, self._with_errors(self.psd), head.x, head.P, head.t_ns, head.memory,
-            self.excluded, rule, self.surprise, quiet_ns, space.room(1, 0), states, space.work,
+            model, new, self._room, self._size, self.scale[0], self._with_errors(self.psd), head.x, head.P,
+            head.t_ns, head.memory, self.excluded, rule, self.surprise, quiet_ns, space.room(1, 0), states,
+            space.work,
         )  # fmt: skip
-        self.own = Outcome(*(column[: size + count] for column in self._room))
-        self.head = head._replace(t_ns=int(new.t[count - 1]))
+        self._size += count
+        self.head = Moment(int(new.t[count - 1]), head.x, head.P, head.memory)
         return count, epochs
 
     def _noise(self, rows: Rows) -> np.ndarray:

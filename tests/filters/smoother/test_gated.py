@@ -32,10 +32,9 @@ def admit(
     """(rows taken, epochs, surprise, own, told); ``x``, ``P`` and ``memory`` in place."""
     memory = status.fresh_memory(len(model.is_ins)) if memory is None else memory
     own, n = outcome(len(rows.t)), len(x)
-    own.noise[:] = rows.stated
     told = gated.epoch_states(len(rows.t), n)
     taken = gated.admit(
-        model, rows, own, small.densities(model, factor=factor), x, P, t_ns, memory, excluded, rule,
+        model, rows, own, 0, np.zeros(model.variance.shape), small.densities(model, factor=factor), x, P, t_ns, memory, excluded, rule,
         surprise, quiet_ns, passes.trace(1, n, 0), told, state.scratch(n),
     )  # fmt: skip
     return *taken, own, told

@@ -201,7 +201,7 @@ def test_first_sight_then_the_window_end_in_the_same_state(slow):
     """No outliers, same densities: filtered forward is filtered forward."""
     one, rows, model = hypothesis([sensor._replace(slow=slow) for sensor in small.four()])
     one.follow(np.array([[0.0, 1.0, -1.0, 2.0], one.slow[1]]))
-    one.own = outcome(0)
+    one.judged(outcome(0))
     told = gated.epoch_states(len(rows.t), len(model.prior))
     count, _ = one.admit(rows, told, gated.Rule(gated.IGG, np.inf, np.inf), NEVER)
     assert count == len(rows.t)
