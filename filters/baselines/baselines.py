@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from filters.baselines.interacting import REASONS, Followed, Mixture, follow
-from filters.models import motion
+from filters.models import motion, theodolite
 from filters.models import state as models
 from filters.models.motion import CORE
 from filters.models.rows import (
@@ -199,7 +199,7 @@ def columns(model: models.Model, rows: np.ndarray, height_m: float = np.nan) -> 
     )
     stated = np.where(rows["sigma"] > 0.0, rows["sigma"] ** 2, model.variance[sensor, channel])
     out = buffer.Rows(t, sensor, channel, value, stated, np.full((len(t), 3), np.nan))
-    proposals.places(out, model.offset, model.rotation, model.is_ins, height_m, 0)
+    theodolite.places(out, model.offset, model.rotation, model.is_ins, height_m, 0)
     return out
 
 

@@ -15,13 +15,14 @@ import math
 import numpy as np
 
 from filters.models.kernel import kernel
-from filters.models.rows import AZIMUTH, RANGE
+from filters.models.rows import AZIMUTH, ELEVATION, RANGE
 
 EARTH_RADIUS_M = 6371000.0
 REFRACTION = {"none": 0.0, "optical": 0.13, "radar": 0.25}
 ZERO_SIGMA = 5.0, np.radians(0.05), np.radians(0.05)  # priors in m, rad: set up with ordinary care
 PARALLEL = 1e-4  # squared sine of the angle between two lines of sight that do not cross
 SLOW_TAU_S = 10.0  # correlation time of the slow errors
+TOGETHER_NS = 100_000_000  # two lines of sight so close in time cross where the target is
 CLOCK_SIGMA_S = 0.1  # prior of the clock offset: a PC synchronised over the network
 
 
@@ -76,6 +77,43 @@ def _angle(sine, cosine):
     if t2 > 1.0 / 256.0:
         return math.atan2(sine, cosine)
     return t * (1.0 - t2 * (1 / 3 - t2 * (1 / 5 - t2 * (1 / 7 - t2 * (1 / 9 - t2 * (1 / 11 - t2 / 13))))))
+
+
+@kernel
+def places(rows, offset, rotation, is_ins, height_m, begin):
+    """Fill ``rows.place`` from row ``begin`` on: the position that range, azimuth and elevation stand for.
+
+    With a ``height_m`` known beforehand (else NaN), range and azimuth. It is no measurement of its own: it is
+    where a prediction that is too wide is linearised, so that a start and a gap need no update of another
+    kind. A channel that an instrument gives at another instant is that of up to `TOGETHER_NS` ago.
+    """
+    count, k = rows.t.size, begin
+    while k < count:
+        end = k + 1
+        while end < count and rows.t[end] == rows.t[k] and rows.sensor[end] == rows.sensor[k]:
+            end += 1
+        s = rows.sensor[k]
+        far = azimuth = elevation = math.nan
+        i, missing = end - 1, 7  # bits: range, azimuth, elevation
+        while i >= 0 and missing and not is_ins[s] and (i >= k or rows.t[k] - rows.t[i] <= TOGETHER_NS):
+            if rows.sensor[i] == s and rows.channel[i] == RANGE and missing & 1:
+                far, missing = rows.value[i], missing & ~1
+            elif rows.sensor[i] == s and rows.channel[i] == AZIMUTH and missing & 2:
+                azimuth, missing = rows.value[i], missing & ~2
+            elif rows.sensor[i] == s and rows.channel[i] == ELEVATION and missing & 4:
+                elevation, missing = rows.value[i], missing & ~4
+            i -= 1
+        if not is_ins[s]:
+            if missing & 4 and not missing & 1 and height_m == height_m:
+                elevation = math.asin(max(-1.0, min(1.0, (height_m - offset[s, 2]) / far)))
+            flat = far * math.cos(elevation)
+            a, b, c = flat * math.sin(azimuth), flat * math.cos(azimuth), far * math.sin(elevation)
+            for i in range(k, end):
+                for j in range(3):
+                    rows.place[i, j] = (
+                        offset[s, j] + rotation[s, 0, j] * a + rotation[s, 1, j] * b + rotation[s, 2, j] * c
+                    )
+        k = end
 
 
 def line_of_sight(rotation: np.ndarray, azimuth: float, elevation: float) -> np.ndarray:

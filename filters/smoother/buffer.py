@@ -13,6 +13,7 @@ kept, in a `Store`: `recall` gives it; `view` and `made` give the rows that stil
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 
 from filters.models.rows import CHANNELS, DUPLICATE, INVALID, LATE, ROW, VERDICT
 from filters.models.store import InMemory, Keep
@@ -135,21 +136,18 @@ class MeasurementBuffer:
         size = self.size + len(good)
         while size - self._base > len(self._id):
             self._replace([np.concatenate([c, np.zeros_like(c)]) for c in self._columns()])
-        new, rows = self._at(self.size, size), self._rows
-        rows.t[new], rows.sensor[new], rows.channel[new] = good["t_ns"], good["sensor"], good["channel"]
-        rows.value[new], rows.place[new], self._id[new] = good["value"], place, good["id"]
-        own = np.where(good["sigma"] > 0.0, good["sigma"] ** 2, np.nan)
-        stated = self._variance[good["sensor"], good["channel"]]
-        rows.stated[new], self._published[new] = np.where(np.isfinite(own), own, stated), -1
+        begin, rows = self.size - self._base, self._rows
+        rows.place[begin : begin + len(good)] = place
+        self._published[begin : begin + len(good)] = -1
+        if _append(rows, self._id, good, self._variance, begin, self.done - self._base):  # as nearly always
+            self.size = size
+            return np.zeros(0, ROW)
         tail = self._at(self.done, size)
         t, sensor, channel = rows.t[tail], rows.sensor[tail], rows.channel[tail]
         order = np.lexsort((channel, sensor, t))
         t, sensor, channel = t[order], sensor[order], channel[order]
         same = np.zeros(len(order), bool)
         same[1:] = (t[1:] == t[:-1]) & (sensor[1:] == sensor[:-1]) & (channel[1:] == channel[:-1])
-        if not same.any() and (np.diff(order) == 1).all():  # as nearly always
-            self.size = size
-            return np.zeros(0, ROW)
         twice = np.zeros(same.sum(), ROW)
         twice["id"] = self._id[tail][order[same]]
         order = order[~same]
@@ -173,19 +171,15 @@ class MeasurementBuffer:
 
     def changes(self) -> np.ndarray:
         """(k,) VERDICT, those that are new, changed or final since the last call."""
-        at = self._at(self._reported, self.done)
-        final = np.arange(self._reported, self.done) < self.final
-        k = at.start + np.flatnonzero(final | (self._verdict[at] != self._published[at]))
-        k = k[self._id[k] >= 0]  # rows of our own have no sender
-        out, own = np.zeros(len(k), VERDICT), self._outcome
-        out["id"], out["verdict"], out["reason"] = self._id[k], self._verdict[k], self._reason[k]
-        out["predicted"], out["sigma"] = self._rows.value[k] - own.residual[k], own.sigma[k]
-        out["weight"], out["final"] = own.weight[k], k < self.final - self._base
-        self._published[k] = self._verdict[k]
+        out = np.empty(self.done - self._reported, VERDICT)
+        count = _changed(
+            self._rows, self._outcome, self._id, self._verdict, self._reason, self._published,
+            self._reported - self._base, self.done - self._base, self.final - self._base, out,
+        )  # fmt: skip
         self._reported = self.final
         while self._reported - self._base >= 2 * BLOCK:  # the newest final rows may still be looked at
             self._pass()
-        return out
+        return out[:count]
 
 
 def _rows(n: int) -> Rows:
@@ -218,14 +212,60 @@ def faults(new: np.ndarray, variance: np.ndarray, oldest_ns: int) -> np.ndarray:
 
     ``variance`` (s, 13) is finite where a sensor has the channel; what is before ``oldest_ns`` is final.
     """
-    known = (new["sensor"] >= 0) & (new["sensor"] < len(variance))
-    known &= (new["channel"] >= 0) & (new["channel"] < variance.shape[1])
-    known[known] = np.isfinite(variance[new["sensor"][known], new["channel"][known]])
-    fault = np.full(len(new), NONE)
-    fault[new["t_ns"] < oldest_ns] = TOO_OLD
-    fault[~np.isfinite(new["value"])] = NOT_FINITE
-    fault[~known] = NO_CHANNEL
+    fault = np.empty(len(new), np.int64)
+    _faults(new, variance, oldest_ns, fault)
     return fault
+
+
+@njit(cache=True)
+def _faults(new, variance, oldest_ns, fault):
+    for k in range(len(new)):
+        row, fault[k] = new[k], NONE
+        if row.t_ns < oldest_ns:
+            fault[k] = TOO_OLD
+        if not np.isfinite(row.value):
+            fault[k] = NOT_FINITE
+        known = 0 <= row.sensor < variance.shape[0] and 0 <= row.channel < variance.shape[1]
+        if not known or not np.isfinite(variance[row.sensor, row.channel]):
+            fault[k] = NO_CHANNEL
+
+
+@njit(cache=True)
+def _append(rows, ids, good, variance, begin, done):
+    """Enter ``good`` (n,) ROW into the columns from ``begin`` on; are those from ``done`` on in order?
+
+    That is by time, sensor and channel, and none of them twice.
+    """
+    for j in range(len(good)):
+        k, row = begin + j, good[j]
+        rows.t[k], rows.sensor[k], rows.channel[k] = row.t_ns, row.sensor, row.channel
+        rows.value[k], ids[k] = row.value, row.id
+        own = row.sigma * row.sigma
+        stated = row.sigma > 0.0 and np.isfinite(own)
+        rows.stated[k] = own if stated else variance[row.sensor, row.channel]
+    in_order = True
+    for k in range(max(begin, done + 1), begin + len(good)):
+        before = (rows.t[k - 1], rows.sensor[k - 1], rows.channel[k - 1])
+        in_order &= before < (rows.t[k], rows.sensor[k], rows.channel[k])
+    return in_order
+
+
+@njit(cache=True)
+def _changed(rows, own, ids, verdict, reason, published, begin, end, final, out):
+    """Put VERDICT of rows ``begin`` to ``end`` that are new, changed or final into ``out``; how many.
+
+    Those before ``final`` are. Rows of our own have no sender, and an id below zero.
+    """
+    count = 0
+    for k in range(begin, end):
+        if (k >= final and verdict[k] == published[k]) or ids[k] < 0:
+            continue
+        one = out[count]
+        one.id, one.verdict, one.reason, one.final = ids[k], verdict[k], reason[k], k < final
+        one.predicted, one.sigma, one.weight = rows.value[k] - own.residual[k], own.sigma[k], own.weight[k]
+        published[k] = verdict[k]
+        count += 1
+    return count
 
 
 def refusals(rows: np.ndarray, reason: np.ndarray) -> np.ndarray:

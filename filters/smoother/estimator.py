@@ -18,11 +18,12 @@ import numpy as np
 
 from filters.correction import correction as corrections
 from filters.models import state as models
+from filters.models import theodolite
 from filters.models.motion import CORE
 from filters.models.rows import ROW, SEPARATION, TRACK, VERDICT, Sensor, Step, joined, rehearsal
 from filters.models.settings import Settings
 from filters.models.store import InMemory, Keep
-from filters.smoother import gated, proposals, status, tracks
+from filters.smoother import gated, status, tracks
 from filters.smoother.bank import FEW_ROWS, Bank
 from filters.smoother.buffer import MeasurementBuffer, Rows, faults, refusals
 from filters.smoother.hypothesis import LONG_AGO_NS, Workspace
@@ -170,8 +171,8 @@ class FixedLagSmoother:
     def _place(self, end: int) -> None:
         """Enter the places that the new rows up to ``end`` stand for."""
         buffer, model = self._buffer, self.model
-        before = buffer.count_before(buffer.view(buffer.done, end).t[0] - proposals.TOGETHER_NS)
-        proposals.places(
+        before = buffer.count_before(buffer.view(buffer.done, end).t[0] - theodolite.TOGETHER_NS)
+        theodolite.places(
             buffer.view(before, end), model.offset, model.rotation, model.is_ins, self.settings.height_m,
             buffer.done - before,
         )  # fmt: skip
@@ -207,7 +208,7 @@ class FixedLagSmoother:
             self._window.redecide(0)
             states.x[k - 1], states.P[k - 1] = now.best.head.x, now.best.head.P[:CORE, :CORE]
             track[-1:] = self._head_track(gated.EpochStates(*(part[k - 1 : k] for part in states)), 1)
-        elsewhere = protection.enter(track, [one and (one[0][:, :3], one[1][:, :3, :3]) for one in without])
+        elsewhere = protection.enter(track, without)
         self._window.note_contradictions(track, elsewhere)
         fresh = track["t_ns"] > self._newest_ns
         self._newest_ns = max(self._newest_ns, int(track["t_ns"][-1]))
@@ -220,16 +221,16 @@ class FixedLagSmoother:
         """One of the banks without a sensor takes ``rows`` of ``k`` epochs.
 
         Returns its states (k, n) by the clocks of its own, as they would be published, with covariances
-        (k, 6, 6) of position and velocity; None without a state.
+        (k, 9, 9); None without a state.
         """
         if bank.best is None:
             return None
         states = self._states
         bank.admit_alternative(rows, states, self._rule)
         bank.best.admit(rows, states, self._rule, gated.NEVER_NS)
-        x = states.x[:k].copy()
-        tracks.shifted(x, self._window.shift_s(x, bank.excluded))
-        return x, tracks.widened(states.P[:k, :6, :6].copy(), x, self._shift_variance)
+        x, P = states.x[:k].copy(), states.P[:k].copy()
+        tracks.by_own_clocks(x, P, self._window.shift_s(x, bank.excluded), self._shift_variance)
+        return x, P
 
     def _report_separation(self, track: np.ndarray, published: np.ndarray, without: list) -> None:
         """Once in LOOK_NS: how far a state that is ``published`` would move without each of the sensors.
@@ -248,7 +249,7 @@ class FixedLagSmoother:
                 continue
             x, P = (part[at : at + 1] for part in one)
             if tracks.known(self.model, x, P)[0]:
-                apart = protection.separation(track[at : at + 1], sensor, x[:, :3], P[:, :3, :3])
+                apart = protection.separation(track[at : at + 1], sensor, x, P)
                 self._separations.append(apart)
 
     def _head_track(self, states: gated.EpochStates, k: int) -> np.ndarray:

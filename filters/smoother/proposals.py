@@ -1,9 +1,7 @@
 """Other explanations of the same rows: where to begin, and who may challenge an incumbent.
 
-`places` gives every measurement of range, azimuth and elevation the position that it stands for (with a
-height known beforehand, of range and azimuth). It is no measurement of its own: it is where a prediction that
-is too wide is linearised, so that a start and a gap need no update of another kind. `candidates` are first
-states around such places, and around the crossings of two lines of sight.
+`candidates` are first states around the places that measurements stand for (`theodolite.places`), and around
+the crossings of two lines of sight.
 
     starts      nothing known before: a candidate of each sensor and its rows, then all rows
     again       the incumbent's anchor, from other weights: all rows open, annealed, or as another bank has it
@@ -13,16 +11,15 @@ states around such places, and around the crossings of two lines of sight.
 Who of them wins is the `bank`'s.
 """
 
-import math
 from typing import NamedTuple
 
 import numpy as np
 
 from filters.models.kernel import kernel
 from filters.models.motion import CORE
-from filters.models.rows import AZIMUTH, ELEVATION, RANGE, VE, E, N, U
+from filters.models.rows import AZIMUTH, CHANNELS, ELEVATION, VE, E, N, U
 from filters.models.state import Model, prior_covariance
-from filters.models.theodolite import crossing, line_of_sight
+from filters.models.theodolite import TOGETHER_NS, crossing, line_of_sight
 from filters.smoother import adaptation, status
 from filters.smoother.buffer import Rows, outcome, streams
 from filters.smoother.hypothesis import Hypothesis, Moment, Workspace
@@ -32,7 +29,6 @@ PLACE_SIGMA_M, PLACE_SHARE = 1e3, 0.3  # of a first state about its place, m, an
 NEAR = 0.05  # of the distance: the same where only crossing lines of sight say it, which bend beyond
 SPEED_SIGMA_MPS = 300.0  # … about what its own places show
 ACCELERATION_SIGMA_MPS2 = 20.0
-TOGETHER_NS = 100_000_000  # two lines of sight so close in time cross where the target is
 LEAD_NS = 100_000_000  # a jerk is under way for so long before a position shows it: (6 · 0.1 m / 600 m/s³)^⅓
 MISFIT = 5.0  # rows that one misfit outweighs in the search for where a manoeuvre began
 TRIES, FEW_TRIES = 8, 2  # a start is settled so often, where little is wrong so often
@@ -46,41 +42,6 @@ class Prior(NamedTuple):
 
     height_m: float = np.nan
     height_sigma_m: float = np.nan
-
-
-@kernel
-def places(rows, offset, rotation, is_ins, height_m, begin):
-    """Fill ``rows.place`` from row ``begin`` on; ``height_m`` NaN: none known beforehand.
-
-    A channel that an instrument gives at another instant is that of up to `TOGETHER_NS` ago.
-    """
-    count, k = rows.t.size, begin
-    while k < count:
-        end = k + 1
-        while end < count and rows.t[end] == rows.t[k] and rows.sensor[end] == rows.sensor[k]:
-            end += 1
-        s = rows.sensor[k]
-        far = azimuth = elevation = math.nan
-        i, missing = end - 1, 7  # bits: range, azimuth, elevation
-        while i >= 0 and missing and not is_ins[s] and (i >= k or rows.t[k] - rows.t[i] <= TOGETHER_NS):
-            if rows.sensor[i] == s and rows.channel[i] == RANGE and missing & 1:
-                far, missing = rows.value[i], missing & ~1
-            elif rows.sensor[i] == s and rows.channel[i] == AZIMUTH and missing & 2:
-                azimuth, missing = rows.value[i], missing & ~2
-            elif rows.sensor[i] == s and rows.channel[i] == ELEVATION and missing & 4:
-                elevation, missing = rows.value[i], missing & ~4
-            i -= 1
-        if not is_ins[s]:
-            if missing & 4 and not missing & 1 and height_m == height_m:
-                elevation = math.asin(max(-1.0, min(1.0, (height_m - offset[s, 2]) / far)))
-            flat = far * math.cos(elevation)
-            a, b, c = flat * math.sin(azimuth), flat * math.cos(azimuth), far * math.sin(elevation)
-            for i in range(k, end):
-                for j in range(3):
-                    rows.place[i, j] = (
-                        offset[s, j] + rotation[s, 0, j] * a + rotation[s, 1, j] * b + rotation[s, 2, j] * c
-                    )
-        k = end
 
 
 def fixes(model: Model, rows: Rows, height_m: float) -> np.ndarray:
@@ -197,14 +158,27 @@ def going_wrong(incumbent: Hypothesis, rows: Rows, of: np.ndarray) -> list[np.nd
 
 def patches(incumbent: Hypothesis, rows: Rows) -> np.ndarray:
     """(k,) bool: rows at which the first patch of outliers begins in their channel, one each at most."""
-    outlier, name = incumbent.own.weight < status.DOUBT, streams(rows)
     found = np.zeros(len(rows.t), bool)
-    for one in np.unique(name[outlier & (rows.sensor != incumbent.excluded)]):
-        mine = np.flatnonzero(name == one)
-        if len(mine) >= status.PATCH_ROWS:
-            together = np.convolve(outlier[mine], np.ones(status.PATCH_ROWS), "valid") == status.PATCH_ROWS
-            found[mine[np.argmax(together)]] = together.any()
+    length, begin = np.zeros((2, len(incumbent.anchor.memory), len(CHANNELS)), np.int64)
+    _patches(rows, incumbent.own.weight, incumbent.excluded, length, begin, found)
     return found
+
+
+@kernel
+def _patches(rows, weight, excluded, length, begin, found):
+    """`patches` into ``found`` (k,); ``length``: outliers in a row of a channel, −1 after its first patch."""
+    for k in range(rows.t.size):
+        s, c = rows.sensor[k], rows.channel[k]
+        if s == excluded or length[s, c] < 0:
+            continue
+        if weight[k] >= status.DOUBT:
+            length[s, c] = 0
+            continue
+        if length[s, c] == 0:
+            begin[s, c] = k
+        length[s, c] += 1
+        if length[s, c] == status.PATCH_ROWS:
+            found[begin[s, c]], length[s, c] = True, -1
 
 
 def going_on(incumbent: Hypothesis, rows: Rows) -> bool:

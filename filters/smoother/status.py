@@ -260,6 +260,20 @@ def log_evidence(rows, own, out, memory, excluded):
     return total, max(whole, last)
 
 
+@exact
+def alone(rows, weight, found):
+    """Into ``found`` (s,): whether of a sensor's k rows fewer than two others say if they are right.
+
+    By their ``weight`` (k,).
+    """
+    found[:] = False
+    for k in range(len(weight)):
+        found[rows.sensor[k]] |= weight[k] > 0.0
+    used = found.sum()
+    for s in range(len(found)):
+        found[s] = used - found[s] < 2
+
+
 @njit(cache=True)
 def label(rows, weight, length, alone, verdict, reason):
     """Name what was done with k rows by their ``weight`` (k,); fills ``verdict`` and ``reason`` (k,).

@@ -1,15 +1,17 @@
 """Tracks as they are published: by the time most clocks agree on, and over the whole flight."""
 
+import math
 from collections.abc import Iterable, Iterator
 
 import numpy as np
 
 from filters.models import motion
+from filters.models.kernel import exact, kernel
 from filters.models.state import Model
+from filters.models.theodolite import TOGETHER_NS, places
 from filters.smoother import passes
 from filters.smoother.buffer import MeasurementBuffer, Outcome, Rows, epochs
 from filters.smoother.hypothesis import Moment, Workspace
-from filters.smoother.proposals import TOGETHER_NS, places
 
 HALF_QUALITY_M = 10.0  # position 1-sigma at which quality is 50
 DOUBTFUL = 20  # the best quality while two hypotheses are nearly as likely
@@ -22,34 +24,47 @@ def polished(track: np.ndarray, shift_s: np.ndarray, variance: float) -> np.ndar
 
     ``variance``, s², of a shift of all clocks together: no row shows it, and the target has moved meanwhile.
     """
-    x = shifted(track["x"], shift_s)
-    widened(track["P"], x, variance)
-    sigma_m = np.sqrt(np.maximum(np.trace(track["P"][:, :3, :3], axis1=1, axis2=2), 0.0))
-    track["quality"] = np.where(np.isfinite(sigma_m), np.round(100.0 / (1.0 + sigma_m / HALF_QUALITY_M)), -1)
+    x, P = np.ascontiguousarray(track["x"]), np.ascontiguousarray(track["P"])
+    by_own_clocks(x, P, shift_s, variance)
+    track["x"], track["P"] = x, P
+    quality = np.empty(len(track))
+    _qualities(P, quality)
+    track["quality"] = quality
     return doubted(track)
 
 
 def doubted(track: np.ndarray) -> np.ndarray:
     """The ``track`` (k,) TRACK with no better quality than DOUBTFUL where it is ambiguous; in place."""
-    track["quality"] = np.where(track["ambiguous"], np.minimum(track["quality"], DOUBTFUL), track["quality"])
+    ambiguous = track["ambiguous"]
+    if ambiguous.any():
+        track["quality"][ambiguous] = np.minimum(track["quality"][ambiguous], DOUBTFUL)
     return track
 
 
-def shifted(x: np.ndarray, shift_s: np.ndarray) -> np.ndarray:
-    """States ``x`` (k, ≥9) as they were ``shift_s`` (k,) before, by their own motion; in place."""
-    if not shift_s.any():
-        return x
-    shift = shift_s[:, None]
-    x[:, :3] -= shift * x[:, 3:6] - 0.5 * shift**2 * x[:, 6:9]
-    x[:, 3:6] -= shift * x[:, 6:9]
-    return x
+@kernel
+def _qualities(P, quality):
+    """``quality`` (k,) of states of covariance ``P`` (k, ≥3, ≥3)."""
+    for k in range(len(P)):
+        total = P[k, 0, 0] + P[k, 1, 1] + P[k, 2, 2]
+        sigma_m = math.sqrt(total) if total > 0.0 else 0.0
+        quality[k] = np.rint(100.0 / (1.0 + sigma_m / HALF_QUALITY_M)) if total < math.inf else -1.0
 
 
-def widened(P: np.ndarray, x: np.ndarray, variance: float) -> np.ndarray:
-    """``P`` (k, ≥6, ≥6) of states ``x`` (k, ≥9) whose time has ``variance``, s²; in place."""
-    if variance > 0.0:
-        P[:, :6, :6] += variance * x[:, 3:9, None] * x[:, None, 3:9]
-    return P
+@exact
+def by_own_clocks(x, P, shift_s, variance):
+    """States ``x`` (k, ≥9), ``P`` (k, ≥6, ≥6) as they were ``shift_s`` (k,) before, by their own motion.
+
+    In place. Their time has ``variance``, s².
+    """
+    for k in range(len(x)):
+        shift = shift_s[k]
+        for i in range(3):
+            x[k, i] -= shift * x[k, i + 3] - 0.5 * shift * shift * x[k, i + 6]
+            x[k, i + 3] -= shift * x[k, i + 6]
+        if variance > 0.0:
+            for i in range(6):
+                for j in range(6):
+                    P[k, i, j] += variance * x[k, i + 3] * x[k, j + 3]
 
 
 def known(model: Model, x: np.ndarray, P: np.ndarray, factor: float = 1.0) -> np.ndarray:
@@ -58,14 +73,29 @@ def known(model: Model, x: np.ndarray, P: np.ndarray, factor: float = 1.0) -> np
     Position within KNOWN_M or KNOWN_SHARE of the distance to the nearest instrument, and velocity within the
     same for a second; all that times ``factor``. A variance that rounding has made negative says nothing.
     """
-    distance = np.zeros(len(x))
-    if (~model.is_ins).any():
-        gap = x[:, None, :3] - model.offset[~model.is_ins]
-        distance = np.linalg.norm(gap, axis=2).min(axis=1)
-    limit = factor * np.maximum(KNOWN_M, KNOWN_SHARE * distance)
-    variance = np.diagonal(P, axis1=1, axis2=2)[:, :6].copy()
-    variance[variance[:, 5] == 0.0, 2] = 0.0  # a height told beforehand is as good as it was told
-    return (variance.max(axis=1) < limit**2) & (variance.min(axis=1) > -ROUNDING * limit**2)
+    found = np.empty(len(x), np.bool_)
+    x, P = np.ascontiguousarray(x), np.ascontiguousarray(P)
+    _known(model.is_ins, model.offset, x, P, factor, found)
+    return found
+
+
+@kernel
+def _known(is_ins, offset, x, P, factor, found):
+    for k in range(len(x)):
+        nearest = math.inf
+        for s in range(len(is_ins)):
+            if not is_ins[s]:
+                a, b, c = x[k, 0] - offset[s, 0], x[k, 1] - offset[s, 1], x[k, 2] - offset[s, 2]
+                nearest = min(nearest, a * a + b * b + c * c)
+        distance = math.sqrt(nearest) if nearest < math.inf else 0.0
+        limit = factor * max(KNOWN_M, KNOWN_SHARE * distance)
+        good = True
+        for i in range(6):
+            variance = P[k, i, i]
+            if i == 2 and P[k, 5, 5] == 0.0:  # a height told beforehand is as good as it was told
+                variance = 0.0
+            good &= -ROUNDING * limit * limit < variance < limit * limit
+        found[k] = good
 
 
 def smooth(

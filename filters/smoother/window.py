@@ -103,9 +103,10 @@ class Window:
         """Write what the incumbent makes of the window's rows into the buffer, with a verdict each."""
         buffer, own = self.buffer, self.now.best.own
         rows = buffer.view(buffer.decided, buffer.done)
-        verdict, reason = np.zeros((2, len(rows.t)), "i1")
-        used = np.bincount(rows.sensor[own.weight > 0], minlength=len(self.now.length)) > 0
-        status.label(rows, own.weight, self.now.length.copy(), used.sum() - used < 2, verdict, reason)
+        verdict, reason = np.empty((2, len(rows.t)), "i1")
+        alone = np.empty(len(self.now.length), bool)
+        status.alone(rows, own.weight, alone)
+        status.label(rows, own.weight, self.now.length.copy(), alone, verdict, reason)
         buffer.judge(buffer.decided, own, verdict, reason)
 
     def redecide(self, cut: int) -> np.ndarray:

@@ -93,8 +93,9 @@ def m1_ukf(
     measured["channel"], measured["value"] = np.tile([0, 1, 2], n), z.ravel()
     rows, own, told = columns(about, measured), buffer.outcome(3 * n), gated.epoch_states(n, CORE)
     gated.admit(
-        about, rows, own, 0, np.zeros((1, len(CHANNELS))), baselines.white_jerk(jerk_psd), x.copy(), P.copy(), 0, status.fresh_memory(1), -1,
-        METHODS["ga-bp-ukf"], 0.0, NEVER_NS, passes.trace(1, CORE, 1), told, state.scratch(CORE),
+        about, rows, own, 0, np.zeros((1, len(CHANNELS))), baselines.white_jerk(jerk_psd), x.copy(), P.copy(),
+        0, status.fresh_memory(1), -1, METHODS["ga-bp-ukf"], 0.0, NEVER_NS, passes.trace(1, CORE, 1), told,
+        state.scratch(CORE),
     )  # fmt: skip
     return Filtered(told.before_x, told.before_P, told.x, told.P)
 

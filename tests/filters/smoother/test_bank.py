@@ -30,7 +30,7 @@ def begun(sensors, *, prior=NOTHING, spoil=None, excluded=-1):
     if spoil:
         spoil(rows)
         rows.place[:] = np.nan
-        small.proposals.places(rows, model.offset, model.rotation, model.is_ins, prior.height_m, 0)
+        small.places(rows, model.offset, model.rotation, model.is_ins, prior.height_m, 0)
     one = Bank(Workspace(model, PSD), prior, excluded)
     return one, rows, one.begin(rows)
 
@@ -120,7 +120,7 @@ def test_a_start_yields_to_a_better_one_until_it_has_explained_a_window():
     model = state.build([A, RADAR, INS])
     rows = small.to_rows(small.fly([A, RADAR, INS], 1.0), model)
     rows.value[(rows.sensor == 0) & (rows.channel == ELEVATION)] *= -1.0
-    small.proposals.places(rows, model.offset, model.rotation, model.is_ins, np.nan, 0)
+    small.places(rows, model.offset, model.rotation, model.is_ins, np.nan, 0)
     one, seen = Bank(Workspace(model, PSD), NOTHING), 3
     assert one.begin(Rows(*(column[:seen] for column in rows)))
     assert off(one, Rows(*(column[:seen] for column in rows)))[1] > 100.0
@@ -189,7 +189,7 @@ def test_a_start_that_another_sensor_contradicts_is_ambiguous_until_one_confirms
     assert one.ambiguous(long_after).all()
     one.redecide(rows, 0)
     assert one.ambiguous(long_after).all()  # whatever their rows say, they cannot tell
-    small.proposals.places(rows, *one.space.model[2:4], one.space.model.is_ins, np.nan, 0)
+    small.places(rows, *one.space.model[2:4], one.space.model.is_ins, np.nan, 0)
     rows.value[:] = small.to_rows(small.fly([A, B], 1.0), one.space.model).value
     one.best.own.weight[:] = 1.0
     one.redecide(rows, 0)

@@ -34,8 +34,8 @@ def admit(
     own, n = outcome(len(rows.t)), len(x)
     told = gated.epoch_states(len(rows.t), n)
     taken = gated.admit(
-        model, rows, own, 0, np.zeros(model.variance.shape), small.densities(model, factor=factor), x, P, t_ns, memory, excluded, rule,
-        surprise, quiet_ns, passes.trace(1, n, 0), told, state.scratch(n),
+        model, rows, own, 0, np.zeros(model.variance.shape), small.densities(model, factor=factor), x, P,
+        t_ns, memory, excluded, rule, surprise, quiet_ns, passes.trace(1, n, 0), told, state.scratch(n),
     )  # fmt: skip
     return *taken, own, told
 

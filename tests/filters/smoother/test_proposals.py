@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from filters.models import state
+from filters.models import state, theodolite
 from filters.models.motion import CORE
 from filters.models.rows import AZIMUTH, ELEVATION, RANGE, E
 from filters.smoother import proposals
@@ -37,7 +37,7 @@ def seen(sensors, *, p=HERE, t=0.0, only=None):
 
 
 def place(model, rows, height=np.nan, begin=0):
-    proposals.places(rows, model.offset, model.rotation, model.is_ins, height, begin)
+    theodolite.places(rows, model.offset, model.rotation, model.is_ins, height, begin)
     return rows
 
 

@@ -226,7 +226,7 @@ def test_the_bank_finds_one_of_three_that_is_wrong_throughout(liar):
     model = state.build(equal := [A, B, small.theodolite("c", (-500.0, 700.0, 0.0))])
     one, rows = later(equal)
     spoil(rows)
-    small.proposals.places(rows, model.offset, model.rotation, model.is_ins, np.nan, 0)
+    small.places(rows, model.offset, model.rotation, model.is_ins, np.nan, 0)
     for _ in range(2):
         one.redecide(rows, 0)
     assert off(one, rows)[1] < 2.0

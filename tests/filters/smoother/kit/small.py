@@ -6,7 +6,7 @@ from scipy.linalg import expm
 from filters.models import motion, state
 from filters.models.motion import CORE, MOTIONS
 from filters.models.rows import AE, AZIMUTH, ELEVATION, RANGE, RANGE_RATE, ROW, E, Sensor
-from filters.smoother import proposals
+from filters.models.theodolite import places
 from filters.smoother.buffer import Outcome, Rows, outcome
 
 NO_TIME_S = 1e-9  # prior of a latency that is as good as none: an INS is linear then
@@ -127,7 +127,7 @@ def to_rows(flight: np.ndarray, model, height_m=np.nan) -> Rows:
     said = [(r["t_ns"] * 1e-9, r["sensor"], r["channel"], r["value"]) for r in flight]
     rows = as_rows(said, model)
     rows.t[:] = flight["t_ns"]
-    proposals.places(rows, model.offset, model.rotation, model.is_ins, height_m, 0)
+    places(rows, model.offset, model.rotation, model.is_ins, height_m, 0)
     return rows
 
 
