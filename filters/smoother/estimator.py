@@ -92,12 +92,25 @@ class FixedLagSmoother:
         while buffer.done < buffer.size:
             t = buffer.view(buffer.done, buffer.size).t
             cell_ns = int(t[0]) // CELL_NS * CELL_NS
+            self.rest(cell_ns)
             if cell_ns > self._now.boundary_ns:
                 self._close(cell_ns)
+            if not self._begun():
+                self._window.forget_the_lost(cell_ns)
             parts += self._take(buffer.done + int(np.searchsorted(t, cell_ns + CELL_NS)))
         verdicts = joined([refused, buffer.changes()], VERDICT)
         apart, self._separations = joined(self._separations, SEPARATION), []
         return Step(joined(parts, TRACK), self._take_smoothed(), verdicts, apart)
+
+    def rest(self, upto_ns: int) -> None:
+        """Do now what is due before any row from ``upto_ns`` on; all those before it have been taken.
+
+        It changes nothing but when that is done: `step` does it otherwise, and the newest state waits for it.
+        """
+        begin_ns = self._now.boundary_ns + CELL_NS
+        dense = self._buffer.done - self._buffer.decided >= FEW_ROWS
+        if dense and begin_ns <= upto_ns and self._begun():
+            self._close(begin_ns)
 
     def take_back(self, sensor: int, wrong: WrongClock) -> None:
         """Forget what ``sensor`` has said since its clock went wrong; only where rows are judged again."""
@@ -139,7 +152,7 @@ class FixedLagSmoother:
         fault = faults(new, self.model.variance, self._snapshots.oldest_ns)
         bad, buffer = fault != status.NONE, self._buffer
         good = new[~bad]
-        if len(good) and buffer.done and good["t_ns"].min() <= buffer.view(buffer.done - 1, buffer.done).t[0]:
+        if len(good) and good["t_ns"].min() < max(self._now.boundary_ns, self._newest_done_ns() + 1):
             self._window.now = self._snapshots.rewind(good["t_ns"].min(), buffer)
             self._withdrawals.rewound()
         twice = buffer.insert(good, np.nan)
@@ -150,7 +163,15 @@ class FixedLagSmoother:
         parts, self._smoothed = self._smoothed, []
         return joined(parts, TRACK)
 
+    def _newest_done_ns(self) -> int:
+        done = self._buffer.done
+        return int(self._buffer.view(done - 1, done).t[0]) if done else LONG_AGO_NS
+
     # ---- within a cell
+
+    def _begun(self) -> bool:
+        """Whether there is a row in this cell."""
+        return self._newest_done_ns() >= self._now.boundary_ns
 
     def _take(self, end: int) -> list[np.ndarray]:
         """Take the rows up to ``end``, all of one cell, at first sight; their tracks."""
@@ -280,8 +301,6 @@ class FixedLagSmoother:
                 t = buffer.view(buffer.decided, buffer.done).t
                 left = self._window.redecide(int(np.searchsorted(t, boundary_ns - lag_ns)))
                 now.closed_ns, now.turned = boundary_ns, False
-        if buffer.done < buffer.size:
-            self._window.forget_the_lost(boundary_ns)
         now.boundary_ns = boundary_ns
         self._snapshots.take(now, buffer, left)
         for oldest in self._snapshots.expire(boundary_ns - round(1e9 * self.settings.lateness_s)):

@@ -81,6 +81,7 @@ class Relay:
         self._before: list[np.ndarray] = []  # best estimates (k,) TRACK of those that failed
         self._resets = self._newest = 0  # starts before the present one's first; the newest one told
         self.failures = 0
+        self._failed: Exception | None = None  # at rest, not told yet
 
     def warm_up(self) -> None:
         self._now.warm_up()
@@ -88,11 +89,13 @@ class Relay:
     def step(self, rows: np.ndarray) -> Step:
         """As the estimator's. After a failure it is empty, and ``failures`` is one more."""
         try:
+            if self._failed is not None:
+                raise self._failed
             step = self._now.step(rows)
         except Exception as error:  # whatever it is: the flight goes on
             if not self.forgiving:
                 raise
-            self.failures += 1
+            self.failures, self._failed = self.failures + 1, None
             log.exception("the estimator failed: %s; it begins anew, failure %d", brief(error), self.failures)
             self._before.append(self._salvage())
             self._now, self._resets = self._make(), self._newest + 1
@@ -101,6 +104,19 @@ class Relay:
             track["reset_counter"] += self._resets
         self._newest = int(step.track["reset_counter"].max(initial=self._newest))
         return step
+
+    def rest(self, upto_ns: int) -> None:
+        """As `FixedLagSmoother.rest`; the whole filters of the literature have nothing to do between steps.
+
+        A failure is one of the next step.
+        """
+        if isinstance(self._now, FixedLagSmoother) and self._failed is None:
+            try:
+                self._now.rest(upto_ns)
+            except Exception as error:  # whatever it is: the flight goes on
+                if not self.forgiving:
+                    raise
+                self._failed = error
 
     def take_back(self, sensor: int, wrong: WrongClock) -> None:
         """As `FixedLagSmoother.take_back`; the whole filters of the literature take nothing back."""

@@ -130,6 +130,7 @@ class Session:
         track, notices = self.air.step(step.track, upto_ns)  # wind, or dead reckoning
         track = self._known_only(track)
         self._hand_on(step._replace(track=track), [*notices, *events], failed=self._lost(rows, track))
+        self.estimator.rest(upto_ns)  # what need not be done before the state is told
 
     def finish(self, about: dict) -> dict:
         """Take in what still waits, make every verdict final, and give each sink the summary.

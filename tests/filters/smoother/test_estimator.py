@@ -36,6 +36,36 @@ def test_pieces_do_not_matter(whole, size):
     assert same(track, other[0])
 
 
+@pytest.mark.parametrize("ahead_s", [0.0, 0.15])
+def test_when_it_rests_does_not_matter(whole, ahead_s):
+    """Over 0.6 s without rows, too. ``ahead_s``: rows come that were not expected any more."""
+    rows = whole[0]
+    t_s = (rows["t_ns"] - rows["t_ns"][0]) * 1e-9
+    rows = rows[(t_s < 3.0) | (t_s > 3.6)]
+    parts = np.split(rows, np.flatnonzero(np.diff(rows["t_ns"])) + 1)
+    restless, resting = run(rows, parts=parts), Resting(rows["t_ns"], round(ahead_s * 1e9))
+    rested = run(rows, parts=parts, between=resting)
+    assert resting.closed > 40
+    assert same(finals(rested[2]), finals(restless[2]))
+    assert same(rested[1], restless[1])
+    if not ahead_s:  # else what comes again has been told before
+        assert same(rested[0], restless[0])
+
+
+class Resting:
+    """Lets an estimator rest until ``ahead_ns`` after the next of times ``t_ns`` (k,); ``closed`` cells so."""
+
+    def __init__(self, t_ns, ahead_ns):
+        self._t_ns, self._ahead_ns, self.closed = t_ns, ahead_ns, 0
+
+    def __call__(self, one):
+        following = self._t_ns[one._buffer.size :]
+        before = one._now.boundary_ns
+        if len(following):
+            one.rest(int(following[0]) + self._ahead_ns)
+        self.closed += one._now.boundary_ns > before
+
+
 def late(rows, seed, most_s=0.7, share=0.2):
     """The rows, a share of them up to ``most_s`` late, epoch by epoch as they arrive."""
     rng = np.random.default_rng(seed)

@@ -7,6 +7,7 @@ import pytest
 
 from filters import methods
 from filters.models.rows import TRACK
+from filters.smoother.estimator import FixedLagSmoother
 from gcs.contract import supervision
 from gcs.contract.config import Position, RangeSection, SensorSection, Station
 from gcs.contract.frames import Frame
@@ -140,6 +141,29 @@ def test_an_estimator_that_fails_begins_anew_and_every_value_has_a_verdict():
     assert (np.diff(track["t_ns"]) > 0).all()
     assert set(sink.best["reset_counter"].tolist()) == {0, 1}  # before and after it
     assert (np.diff(sink.best["t_ns"]) > 0).all()
+
+
+@pytest.mark.parametrize("forgiving", [True, False])
+def test_what_fails_at_rest_is_a_failure_of_the_next_step(monkeypatch, forgiving):
+    session = Session(STATION, FRAME, [Remembering()])
+    rest, calls = FixedLagSmoother.rest, []
+
+    def failing(self, upto_ns):
+        calls.append(upto_ns)
+        if len(calls) == 24:
+            raise np.linalg.LinAlgError("not positive definite")
+        rest(self, upto_ns)
+
+    monkeypatch.setattr(FixedLagSmoother, "rest", failing)
+    session.estimator.forgiving = forgiving
+    if forgiving:
+        summary = fly(session)
+        assert summary["estimator"]["failures"] == 1
+        counts = summary["verdicts"]["theo"]
+        assert {channel: sum(c.values()) for channel, c in counts.items()} == dict.fromkeys(counts, 240)
+    else:
+        with pytest.raises(np.linalg.LinAlgError):
+            fly(session)
 
 
 def test_a_replay_ends_at_the_failure():

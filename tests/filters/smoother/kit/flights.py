@@ -8,10 +8,17 @@ from tests.filters.smoother.kit import small
 SENSORS = small.four()
 
 
-def run(rows, *, method="default", sensors=SENSORS, parts=None, settings=None):
-    """(track, smoothed, all verdicts, estimator) of ``rows`` taken ``parts`` by parts."""
-    estimator = methods.make(method, sensors, settings)
-    steps = [estimator.step(part) for part in (parts or [rows])] + [estimator.finish()]
+def run(rows, *, method="default", sensors=SENSORS, parts=None, settings=None, between=None):
+    """(track, smoothed, all verdicts, estimator) of ``rows`` taken ``parts`` by parts.
+
+    ``between`` is called with the estimator after each of them.
+    """
+    estimator, steps = methods.make(method, sensors, settings), []
+    for part in parts or [rows]:
+        steps.append(estimator.step(part))
+        if between:
+            between(estimator)
+    steps.append(estimator.finish())
     return *(np.concatenate([s[k] for s in steps]) for k in range(3)), estimator
 
 
