@@ -2,6 +2,8 @@
 
 import numpy as np
 
+SOME = 4_096  # rows that are moved at a time
+
 
 class GrowingRows:
     """Structured rows with a field ``t_ns``, at most ``most``; then the past is thinned, evenly.
@@ -44,14 +46,23 @@ class GrowingRows:
         nothing of a long flight's beginning.
         """
         middle = self._past + (self._size - self._past) // 3
-        kept = [self._held[: self._past], _every(self._stride, self._held[self._past : middle])]
-        if sum(map(len, kept)) > len(self._held) // 3:
-            kept = [_every(2, np.concatenate(kept))]
+        past = self._pack(self._stride, self._past, middle, self._past)
+        if past > len(self._held) // 3:
+            past = self._pack(2, 0, past, 0)
             self._stride = min(2 * self._stride, len(self._held))
-        past = np.concatenate(kept)
-        rest = self._held[middle:].copy()
-        self._past, self._size = len(past), len(past) + len(rest)
-        self._held[: self._past], self._held[self._past : self._size] = past, rest
+        self._past, self._size = past, self._pack(1, middle, self._size, past)
+
+    def _pack(self, stride: int, begin: int, end: int, to: int) -> int:
+        """Put every ``stride``-th row of those from ``begin`` to ``end`` where ``to`` is; where they end.
+
+        Some at a time: a copy of them all would be taken from the system, and not all of it given back.
+        """
+        step = stride * SOME
+        for k in range(begin, end, step):
+            kept = _every(stride, self._held[k : min(k + step, end)])
+            self._held[to : to + len(kept)] = kept
+            to += len(kept)
+        return to
 
 
 def _every(stride: int, rows: np.ndarray) -> np.ndarray:
