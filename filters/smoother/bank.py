@@ -76,7 +76,7 @@ class Bank:
         self.slow = space.prior_slow  # see `Hypothesis`, of the newest one that was forgotten
         self._close_call, self.spread = False, np.zeros((CORE, CORE))  # (9, 9) doubt between hypotheses
         self._challenge: Challenge | None = None  # whose challengers have lost
-        self._contradicted = False  # by another sensor, and confirmed by one alone
+        self._contradicted = False  # by another sensor, or by its own rows
         self._unproven: proof.Spans = ()
         self.reason = ""  # of the newest start
 
@@ -260,7 +260,8 @@ class Bank:
     def _confirmed(self, rows: Rows) -> int:
         """How many sensors confirm the state. Where one does, and another contradicts it, it is in doubt."""
         confirmed, heard = self._witnesses(rows)
-        self._contradicted = confirmed < 2 <= heard
+        poor = heard < 3 and self.best.young and self.best.shortfall >= SHORTFALL  # it begins, and misfits
+        self._contradicted = poor or confirmed < 2 <= heard
         return confirmed
 
     def _witnesses(self, rows: Rows) -> tuple[int, int]:

@@ -7,7 +7,7 @@ import pytest
 
 from filters.smoother.bank import CLOSE, Trial
 from filters.smoother.hypothesis import apart, differ
-from tests.filters.smoother.test_bank import A, B, ambiguous, begun
+from tests.filters.smoother.test_bank import RADAR, A, B, ambiguous, begun
 
 pytestmark = pytest.mark.decision
 
@@ -95,3 +95,20 @@ def test_prior_odds_are_kept_whoever_wins():
     old, new = trial((0, 0, 0)), trial((9, 0, 0), 8.0, prior=-5.0, refused=4)
     assert alternative(new, old).prior == 5.0
     assert alternative(old, trial((9, 0, 0), 4.0, prior=-5.0, refused=4)).prior == -5.0
+
+
+@pytest.mark.parametrize(
+    ("sensors", "young", "shortfall", "doubted"),
+    [
+        ([A, B], True, 2.1, True),
+        ([A, B], True, 1.9, False),
+        ([A, B], False, 2.1, False),
+        ([A], True, 2.1, True),
+        ([A, B, RADAR], True, 2.1, False),
+    ],
+)
+def test_one_or_two_that_begin_and_misfit_are_in_doubt_and_three_decide(sensors, young, shortfall, doubted):
+    one, rows, _ = begun(sensors)
+    one.best.young, one.best.shortfall = young, shortfall
+    one._confirmed(rows)
+    assert one._contradicted == doubted
