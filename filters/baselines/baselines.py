@@ -121,7 +121,7 @@ class Baseline:
             out, work, unused = (
                 passes.trace(end, n, end),
                 models.scratch(n),
-                passes.scores(),
+                passes.scores(n),
             )
             densities, r, N = self._psd[None], np.zeros(n), np.zeros((n, n))
             passes.forward(self.model, rows, own, densities, x, P, rows.t[0], end, out, work)

@@ -54,6 +54,8 @@ def predict(x, P, dt, psd, rate, variance):
                 P[j, i] *= keep
             P[i, i] += psd[i - CORE + MOTIONS] * variance[i] * (1.0 - keep * keep)
     _add_noise(P, dt, psd)
+    if rate[2] > 0.0:  # a height that was told beforehand: see `state.with_height`
+        P[2, 2] = max(P[2, 2], min(P[2, 2] + 2.0 * rate[2] * variance[2] * dt, variance[2]))
 
 
 @exact
@@ -131,6 +133,17 @@ def score(r, N, dt, psd, found):
         square = m00 * m00 + m11 * m11 + 2 * m01 * m10
         slope[k + 2] += 0.5 * psd[k + 2] * (quad - m00 - m11)
         information[k + 2] += 0.5 * psd[k + 2] * psd[k + 2] * square
+
+
+@kernel
+def score_errors(r, N, dt, psd, rate, variance, found):
+    """The same about each systematic error's variance, to ``found`` (2, n − 9)."""
+    for i in range(CORE, r.size):
+        if rate[i] > 0.0:
+            keep = np.exp(-rate[i] * dt)
+            noise = psd[i - CORE + MOTIONS] * variance[i] * (1.0 - keep * keep)
+            found[0, i - CORE] += 0.5 * noise * (r[i] * r[i] - N[i, i])
+            found[1, i - CORE] += 0.5 * noise * noise * N[i, i] * N[i, i]
 
 
 @kernel

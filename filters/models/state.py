@@ -24,6 +24,7 @@ SLOTS = (
 MEAN, COV, SCRATCH = 6, 7, 21  # rows of the working space: see `_at_true_time`
 ANY_ANGLE = math.pi**2 / 3  # variance of an angle that may be any
 NOTHING = 1e30  # variance of what a line of sight alone says while the place is not known at all
+HEIGHT_TAU_S = 10.0  # correlation time of a height that is told beforehand
 CLOCK_TAU_S = 2e5  # a clock with a prior of 0.1 s wanders by 0.3 ms √s: 5 ms in four minutes
 
 
@@ -38,7 +39,7 @@ class Model(NamedTuple):
     bias_at: np.ndarray  # (s, 13) state index of the channel's systematic error
     clock_at: np.ndarray  # (s,) state index of clock offset or latency, s: value valid at stamp − offset
     rate: np.ndarray  # (n,) 1/τ of each Gauss-Markov state, 0 for constants, 1/s
-    prior: np.ndarray  # (n,) variance of each systematic error before the first row; the core's entries are 0
+    prior: np.ndarray  # (n,) variance of each systematic error, and of a height, told beforehand; else 0
     slow_of: np.ndarray  # (n − 9,) sensor, of the systematic errors that are its slow errors; else −1
 
 
@@ -87,6 +88,17 @@ def build(
         prior=np.array(prior),
         slow_of=np.array(slow_of, np.int64),
     )
+
+
+def with_height(model: Model, sigma_m: float) -> Model:
+    """The ``model`` of a target whose height is told beforehand, to ``sigma_m``.
+
+    It is a Gauss-Markov process: were it a constant, ranges in a turn would tell it, ever better and wrong.
+    `predict` lets it go as such a process does, and never further than it was told.
+    """
+    rate, prior = model.rate.copy(), model.prior.copy()
+    rate[2], prior[2] = 1.0 / HEIGHT_TAU_S, sigma_m**2
+    return model._replace(rate=rate, prior=prior)
 
 
 def _slow_errors(sensor: Sensor) -> dict[int, tuple[float, float]]:

@@ -9,6 +9,7 @@ where the data cannot see them.
 motion  the window decides, under a log-normal prior around what was usual lately: a manoeuvre begins at once.
 noise   all decided rows of a channel decide, older ones the less; the prior is what the sensor states.
 slow    how large an instrument's slow errors are: what the state says of them decides, as in `follow_slow`.
+ins     how large an INS's errors are, each by itself: all decided rows decide, older ones the less.
 """
 
 import numpy as np
@@ -31,6 +32,7 @@ CLIPPED = 3.0  # sigmas that a refused value counts for in its channel's noise
 LOWEST, HIGHEST = np.log(0.25), np.log(1e3)  # of the variance over the stated one
 SLOW_SIGMA = 2.0  # of the prior of log variance of slow errors: 95 % within a factor of seven of the noise
 SLOW_MEMORY_S = 300.0
+INS_MEMORY_S = 30.0  # GPS faults last for 5 to 60 s
 SLOW_RANGE = np.log(1e-3), np.log(1e3)
 
 
@@ -113,6 +115,27 @@ def follow_slow(
     mean = keep * known[1] * known[0] / before  # the prior's own mean is 0
     step = np.clip(slope / information, -MOTION_STEP, MOTION_STEP)
     return np.stack([np.clip(mean + step, *SLOW_RANGE), information])
+
+
+def ins_prior(n: int) -> np.ndarray:
+    """(2, n − 9) log factor of the variance of each of an INS's errors, and its information, beforehand."""
+    return np.stack([np.zeros(n - motion.CORE), np.full(n - motion.CORE, SLOW_SIGMA**-2)])
+
+
+def follow_ins(known: np.ndarray, model: Model, scores: Scores, seconds: float) -> np.ndarray:
+    """(2, n − 9) as `ins_prior` after ``seconds`` more of decided rows, by their ``scores``.
+
+    Up only: that an INS is well tells nothing of how wrong it will be without its GPS.
+    """
+    out = ins_prior(len(model.prior))
+    at = model.bias_at[model.is_ins]
+    of = at[at >= 0] - motion.CORE
+    (slope, more), (mean, information), least = scores.errors[:, of], known[:, of], SLOW_SIGMA**-2
+    before = least + np.exp(-seconds / INS_MEMORY_S) * (information - least)
+    mean = (before - least) / before * mean  # the prior's own mean is 0
+    step = np.clip(slope / (before + more), -MOTION_STEP, MOTION_STEP)
+    out[:, of] = np.clip(mean + step, 0.0, SLOW_RANGE[1]), before + more
+    return out
 
 
 def noise_prior(is_ins: np.ndarray) -> np.ndarray:

@@ -27,8 +27,8 @@ import numpy as np
 from filters.models import runs
 from filters.models.motion import CORE
 from filters.smoother import gated, proposals, status
-from filters.smoother.buffer import Rows, scan_ns, streams
-from filters.smoother.hypothesis import LONG_AGO_NS, Hypothesis, Workspace, apart, differ
+from filters.smoother.buffer import LONG_AGO_NS, Rows, scan_ns, streams
+from filters.smoother.hypothesis import Hypothesis, Workspace, apart, differ
 from filters.smoother.integrity import proof
 from filters.smoother.passes import Scores
 from filters.smoother.proposals import Prior

@@ -55,6 +55,7 @@ FINAL = np.dtype(
     ]
 )
 RECENT_SCANS = 5  # of a sensor, that tell how long one takes
+LONG_AGO_NS = np.iinfo(np.int64).min // 2  # a time before all others
 BLOCK = 16_384  # final rows that are stored at a time
 OUTCOME_TYPES = ("f4", "f4", "i4", "f8", "f8", "f4")
 
@@ -88,6 +89,11 @@ class MeasurementBuffer:
     def count_before(self, t_ns: int) -> int:
         """How many of the rows that are done are before ``t_ns``; of long ago all."""
         return self._base + int(np.searchsorted(self.view(self._base, self.done).t, t_ns))
+
+    @property
+    def newest_done_ns(self) -> int:
+        """The time of the newest row that is done."""
+        return int(self._rows.t[self.done - self._base - 1]) if self.done else LONG_AGO_NS
 
     def recall(self, begin: int, end: int) -> tuple[Rows, Outcome]:
         """Copies of decided rows ``begin`` to ``end``, of any age, as far as `FINAL` keeps them."""
@@ -205,6 +211,11 @@ def streams(rows: Rows) -> np.ndarray:
 def epochs(t: np.ndarray) -> np.ndarray:
     """(k,) the first row of each epoch in times ``t`` (n,)."""
     return np.flatnonzero(np.diff(t, prepend=t[:1] - 1))
+
+
+def first_epoch(rows: Rows) -> int:
+    """How many rows have the time of the first one."""
+    return int(np.searchsorted(rows.t, rows.t[0], side="right"))
 
 
 def faults(new: np.ndarray, variance: np.ndarray, oldest_ns: int) -> np.ndarray:

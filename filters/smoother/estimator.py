@@ -18,15 +18,14 @@ import numpy as np
 
 from filters.correction import correction as corrections
 from filters.models import state as models
-from filters.models import theodolite
 from filters.models.motion import CORE
 from filters.models.rows import ROW, SEPARATION, TRACK, VERDICT, Sensor, Step, joined, rehearsal
 from filters.models.settings import Settings
 from filters.models.store import InMemory, Keep
 from filters.smoother import gated, status, tracks
 from filters.smoother.bank import FEW_ROWS, Bank
-from filters.smoother.buffer import MeasurementBuffer, Rows, faults, refusals
-from filters.smoother.hypothesis import LONG_AGO_NS, Workspace
+from filters.smoother.buffer import LONG_AGO_NS, MeasurementBuffer, Rows, faults, first_epoch, refusals
+from filters.smoother.hypothesis import Workspace
 from filters.smoother.integrity import protection, report
 from filters.smoother.proposals import Prior
 from filters.smoother.snapshots import Progress, Snapshots, Withdrawals, WrongClock, mark_type
@@ -55,6 +54,8 @@ class FixedLagSmoother:
     ):
         self.sensors, self.settings, self._correction = tuple(sensors), settings, correction
         self.model = models.build(sensors, settings.ins_bias_sigma_m, settings.ins_bias_tau_s)
+        if np.isfinite(settings.height_m):
+            self.model = models.with_height(self.model, settings.height_sigma_m)
         self._shift_variance = models.common_variance(self.model)
         psd = np.repeat([settings.jerk_psd, settings.gust_psd], 2)
         if np.isfinite(settings.height_m):  # a target that keeps its height
@@ -152,7 +153,7 @@ class FixedLagSmoother:
         fault = faults(new, self.model.variance, self._snapshots.oldest_ns)
         bad, buffer = fault != status.NONE, self._buffer
         good = new[~bad]
-        if len(good) and good["t_ns"].min() < max(self._now.boundary_ns, self._newest_done_ns() + 1):
+        if len(good) and good["t_ns"].min() < max(self._now.boundary_ns, self._buffer.newest_done_ns + 1):
             self._window.now = self._snapshots.rewind(good["t_ns"].min(), buffer)
             self._withdrawals.rewound()
         twice = buffer.insert(good, np.nan)
@@ -163,20 +164,16 @@ class FixedLagSmoother:
         parts, self._smoothed = self._smoothed, []
         return joined(parts, TRACK)
 
-    def _newest_done_ns(self) -> int:
-        done = self._buffer.done
-        return int(self._buffer.view(done - 1, done).t[0]) if done else LONG_AGO_NS
-
     # ---- within a cell
 
     def _begun(self) -> bool:
         """Whether there is a row in this cell."""
-        return self._newest_done_ns() >= self._now.boundary_ns
+        return self._buffer.newest_done_ns >= self._now.boundary_ns
 
     def _take(self, end: int) -> list[np.ndarray]:
         """Take the rows up to ``end``, all of one cell, at first sight; their tracks."""
         buffer, now, parts = self._buffer, self._now, []
-        self._place(end)
+        self._window.place(end)
         while buffer.done < end:
             new = buffer.view(buffer.done, end)
             if now.best is None:
@@ -184,24 +181,15 @@ class FixedLagSmoother:
                 continue
             sparse = self._robust and buffer.done - buffer.decided < FEW_ROWS
             if sparse:
-                new = Rows(*(column[: _first_epoch(new)] for column in new))
+                new = Rows(*(column[: first_epoch(new)] for column in new))
             quiet_ns = now.redecided_ns + SURPRISE_NS if self._robust else gated.NEVER_NS
             parts.append(self._admit(new, quiet_ns, sparse=sparse))
         return parts
 
-    def _place(self, end: int) -> None:
-        """Enter the places that the new rows up to ``end`` stand for."""
-        buffer, model = self._buffer, self.model
-        before = buffer.count_before(buffer.view(buffer.done, end).t[0] - theodolite.TOGETHER_NS)
-        theodolite.places(
-            buffer.view(before, end), model.offset, model.rotation, model.is_ins, self.settings.height_m,
-            buffer.done - before,
-        )  # fmt: skip
-
     def _wait(self, new: Rows) -> None:
         """Take one epoch without a state, and look whether the window now gives one."""
         buffer = self._buffer
-        buffer.done += _first_epoch(new)
+        buffer.done += first_epoch(new)
         self._now.unknown += 1
         oldest_ns = new.t[0] - self._window.lag_ns()
         self._window.give_up(buffer.count_before(oldest_ns))
@@ -306,8 +294,3 @@ class FixedLagSmoother:
         for oldest in self._snapshots.expire(boundary_ns - round(1e9 * self.settings.lateness_s)):
             buffer.final = oldest.decided
             self._smoothed.append(oldest.left)
-
-
-def _first_epoch(rows: Rows) -> int:
-    """How many rows have the time of the first one."""
-    return int(np.searchsorted(rows.t, rows.t[0], side="right"))

@@ -20,7 +20,6 @@ from filters.smoother.buffer import Outcome, Rows, outcome
 SETTLED = 0.05  # a change of weight that is no change
 PASSES = 3  # over the window at most, at one temperature
 APART = 3.0  # sigmas between two positions beyond which it matters
-LONG_AGO_NS = np.iinfo(np.int64).min // 2  # a time before all others
 ANNEALING = (100.0, 16.0, 4.0, 1.0)  # factors of all noise variances, from wide to narrow
 
 
@@ -44,7 +43,7 @@ class Workspace:
         self.model = model
         self.prior_psd, self.prior_noise = prior_psd, adaptation.noise_prior(model.is_ins)
         self.prior_motion = adaptation.motion_prior(prior_psd)
-        self.prior_slow = adaptation.slow_prior(len(model.is_ins))
+        self.prior_slow, self.prior_ins = adaptation.slow_prior(len(model.is_ins)), adaptation.ins_prior(n)
         self.work, self.r, self.N = scratch(n), np.zeros(n), np.zeros((n, n))
         self.trace = passes.trace(1024, n, 256)
 
@@ -68,6 +67,7 @@ class Hypothesis:
         self.psd_before = self.psd  # of the rows in the window before a manoeuvre: regime 1
         self.log_evidence = self.shortfall = 0.0
         self.scale = space.prior_noise
+        self.ins = space.prior_ins  # (2, n − 9) what is known of how large an INS's errors are
         self.follow(space.prior_slow)
         self.surprise = 0.0
         self.young = True  # none of its rows is decided yet
@@ -82,7 +82,8 @@ class Hypothesis:
 
     def follow(self, slow: np.ndarray) -> None:
         """Take over ``slow`` (2, s), what is known of how large the slow errors are; ``factors`` (n − 9,)."""
-        self.slow, self.factors = slow, adaptation.slow_factors(slow, self.space.model)
+        self.slow = slow
+        self.factors = adaptation.slow_factors(slow, self.space.model) * np.exp(self.ins[0])
 
     def judged(self, own: Outcome) -> None:
         """Begin with what was made of the window's rows."""
@@ -175,7 +176,7 @@ class Hypothesis:
         space, model = self.space, self.space.model
         out = space.room(len(rows.t), keep)
         x, P = self.anchor.x.copy(), self.anchor.P.copy()
-        densities, found = self.densities(), passes.scores()
+        densities, found = self.densities(), passes.scores(len(x))
         t_ns = passes.forward(model, rows, self.own, densities, x, P, self.anchor.t_ns, keep, out, space.work)
         space.r[:], space.N[:] = 0.0, 0.0
         passes.backward(model, rows, self.own, densities, keep, out, space.r, space.N, found, space.work)
@@ -211,6 +212,7 @@ class Hypothesis:
         self.scale = scale
         psd = np.stack([self.psd, self.psd_before])
         self.motion = adaptation.follow_motion(self.motion, space.prior_motion, psd, found, seconds)
+        self.ins = adaptation.follow_ins(self.ins, model, found, seconds)
         self.follow(adaptation.follow_slow(self.slow, model, x, np.diag(P), seconds))
 
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from filters.models.kernel import kernel
-from filters.models.motion import CORE, MOTIONS, drift, predict, pull_back, score
+from filters.models.motion import CORE, MOTIONS, drift, predict, pull_back, score, score_errors
 from filters.models.runs import FRESH
 from filters.models.state import SLOTS, predict_row
 from filters.models.update import update
@@ -39,6 +39,7 @@ class Scores(NamedTuple):
 
     kept: np.ndarray  # (2, 2, 4) of motion.PSD, by the kept rows of each regime
     rest: np.ndarray  # (2, 4) the same by the other rows of regime 0
+    errors: np.ndarray  # (2, n − 9) about the variances of the systematic errors, by the kept rows
 
 
 def trace(rows: int, n: int, keep: int) -> Trace:
@@ -59,9 +60,9 @@ def trace(rows: int, n: int, keep: int) -> Trace:
     )
 
 
-def scores() -> Scores:
-    """All zero."""
-    return Scores(np.zeros((2, 2, 4)), np.zeros((2, 4)))
+def scores(n: int) -> Scores:
+    """All zero, of ``n`` states."""
+    return Scores(np.zeros((2, 2, 4)), np.zeros((2, 4)), np.zeros((2, n - CORE)))
 
 
 @kernel
@@ -165,6 +166,7 @@ def backward(model, rows, own, densities, keep, out, r, N, found, work):
                 regime = own.regime[k]
                 if k < keep:
                     score(r, N, dt, densities[regime], found.kept[regime % 2])
+                    score_errors(r, N, dt, densities[regime], model.rate, model.prior, found.errors)
                 elif regime == 0:
                     score(r, N, dt, densities[regime], found.rest)
                 pull_back(r, N, dt, model.rate)

@@ -17,8 +17,8 @@ from filters.models.rows import CHANNELS, TRACK
 from filters.models.store import Store
 from filters.smoother import passes, status, tracks
 from filters.smoother.bank import Bank
-from filters.smoother.buffer import MeasurementBuffer, Outcome, Rows
-from filters.smoother.hypothesis import LONG_AGO_NS, Hypothesis, Moment
+from filters.smoother.buffer import LONG_AGO_NS, MeasurementBuffer, Outcome, Rows
+from filters.smoother.hypothesis import Hypothesis, Moment
 
 if TYPE_CHECKING:  # the window uses this file
     from filters.smoother.window import Window

@@ -113,7 +113,7 @@ def smooth(
     """
     model, n, end = space.model, len(space.model.prior), buffer.size
     r, N = np.zeros(n), np.zeros((n, n))
-    unused = passes.scores()
+    unused = passes.scores(n)
     for begin, at, fresh in begins:
         if begin >= end:
             continue

@@ -9,6 +9,7 @@ import math
 import numpy as np
 
 from filters.models import state as models
+from filters.models import theodolite
 from filters.models.motion import CORE, MOTIONS
 from filters.models.rows import TRACK
 from filters.models.settings import Settings
@@ -98,6 +99,15 @@ class Window:
         return bool(gap_ns >= SILENCE_NS and lost)
 
     # ---- rows are judged
+
+    def place(self, end: int) -> None:
+        """Enter the places that the new rows up to ``end`` stand for."""
+        buffer, model = self.buffer, self.space.model
+        before = buffer.count_before(buffer.view(buffer.done, end).t[0] - theodolite.TOGETHER_NS)
+        theodolite.places(
+            buffer.view(before, end), model.offset, model.rotation, model.is_ins, self._settings.height_m,
+            buffer.done - before,
+        )  # fmt: skip
 
     def enter(self) -> None:
         """Write what the incumbent makes of the window's rows into the buffer, with a verdict each."""

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from filters.models import motion
-from filters.models.motion import CORE
+from filters.models.motion import CORE, MOTIONS
 from filters.models.state import build
 from tests.filters.smoother.kit import small
 
@@ -114,6 +114,37 @@ def test_pull_back_keeps_every_product(dt, seed):
     motion.pull_back(back, M, dt, MODEL.rate)
     terms = np.abs(r) @ np.abs(moved) + np.abs(back) @ np.abs(x)
     assert abs(r @ moved - back @ x) <= 1e-12 * terms
+
+
+def test_score_of_an_error_is_the_trace_formula():
+    """Of one state: Q is the variance that a step of its Gauss-Markov process adds."""
+    rng, dt, n = np.random.default_rng(5), 0.3, CORE + 3
+    M = rng.normal(size=(n, n))
+    M, r = M @ M.T, rng.normal(size=n)
+    rate, variance, factor = np.zeros(n), np.zeros(n), np.array([2.0, 1.0, 5.0])
+    rate[CORE:], variance[CORE:] = [0.5, 0.0, 2.0], [4.0, 9.0, 0.1]
+    psd, found = np.concatenate([np.ones(MOTIONS), factor]), np.zeros((2, 3))
+    motion.score_errors(r, M, dt, psd, rate, variance, found)
+    Q = factor * variance[CORE:] * (1.0 - np.exp(-2.0 * rate[CORE:] * dt))
+    seen = np.diag(M)[CORE:]
+    assert found[0] == pytest.approx(0.5 * Q * (r[CORE:] ** 2 - seen))
+    assert found[1] == pytest.approx(0.5 * (Q * seen) ** 2)
+
+
+def test_a_height_that_is_told_is_forgotten_up_to_what_was_told():
+    rate, prior = np.zeros(CORE), np.zeros(CORE)
+    rate[2], prior[2] = 0.1, 25.0
+    x, P = np.arange(CORE, dtype=float), np.zeros((CORE, CORE))
+    x[5] = x[8] = 0.0
+    found = []
+    for _ in range(3):
+        motion.predict(x, P, 2.0, np.zeros(MOTIONS), rate, prior)
+        found.append(P[2, 2])
+    assert found == pytest.approx([10.0, 20.0, 25.0])
+    P[2, 2] = 100.0  # a start that is not told yet
+    motion.predict(x, P, 2.0, np.zeros(MOTIONS), rate, prior)
+    assert P[2, 2] == pytest.approx(100.0)
+    assert x[2] == 2.0
 
 
 def test_score_is_the_trace_formula():

@@ -21,6 +21,7 @@ def scores(slope=0.0, information=0.0):
     return Scores(
         np.stack([np.stack([np.full(4, float(slope)), np.full(4, float(information))]), np.zeros((2, 4))]),
         np.zeros((2, 4)),
+        np.zeros((2, len(MODEL.prior) - motion.CORE)),
     )
 
 

@@ -53,7 +53,7 @@ def test_when_it_rests_does_not_matter(whole, ahead_s):
 
 
 class Resting:
-    """Lets an estimator rest until ``ahead_ns`` after the next of times ``t_ns`` (k,); ``closed`` cells so."""
+    """Lets an estimator rest until ``ahead_ns`` after the next of times ``t_ns``; ``closed`` cells so."""
 
     def __init__(self, t_ns, ahead_ns):
         self._t_ns, self._ahead_ns, self.closed = t_ns, ahead_ns, 0

@@ -220,12 +220,12 @@ def test_committed_in_parts_is_all_at_once(cut, slow):
     found = one.settle(rows, cut)
     one._smooth(rows, 0)  # with the densities as they are now
     x, P, weight, scale = one.head.x.copy(), one.head.P.copy(), one.own.weight.copy(), one.scale
-    slow_errors = one.slow
+    slow_errors, ins_errors = one.slow, one.ins
     one.commit(rows, cut, found, 0.0)
     assert one.anchor.t_ns == rows.t[cut - 1]
     assert np.array_equal(one.own.weight, weight[cut:])
     rest = Rows(*(column[cut:] for column in rows))
-    one.scale = scale
+    one.scale, one.ins = scale, ins_errors
     one.follow(slow_errors)
     one._smooth(rest, 0)
     assert np.allclose(one.head.x, x, rtol=1e-9, atol=1e-9)

@@ -28,7 +28,7 @@ def both(model, rows, x, P, weight, psd=small.PSD, noise=None, keep=None, factor
         own.noise[:] = noise
     n, k = len(x), len(rows.t)
     keep = k if keep is None else keep
-    out, found = passes.trace(k, n, k), passes.scores()
+    out, found = passes.trace(k, n, k), passes.scores(n)
     work, r, N = state.scratch(n), np.zeros(n), np.zeros((n, n))
     densities = small.densities(model, psd, factor)[None]
     head_x, head_P = x.copy(), P.copy()
@@ -152,7 +152,7 @@ def test_kept_rows_speak_of_the_densities_of_their_own_regime():
     calm = both(model, rows, x, P, 1.0, keep=k)[2]
     own = small.fresh(rows)
     own.regime[: k // 2] = 1
-    out, found = passes.trace(k, n, k), passes.scores()
+    out, found = passes.trace(k, n, k), passes.scores(n)
     work, twice = state.scratch(n), np.tile(small.densities(model), (2, 1))
     passes.forward(model, rows, own, twice, x.copy(), P.copy(), int(rows.t[0]), k, out, work)
     passes.backward(model, rows, own, twice, k, out, np.zeros(n), np.zeros((n, n)), found, work)
