@@ -44,7 +44,7 @@ def _raise(x, other, P, levels, elsewhere):
     for k in range(len(x)):
         a, b, c = x[k, 0] - other[k, 0], x[k, 1] - other[k, 1], x[k, 2] - other[k, 2]
         gap_h, gap_v = math.sqrt(a * a + b * b), abs(c)
-        bound_h, bound_v = LEVEL_K * _horizontal(P[k]), LEVEL_K * math.sqrt(P[k, 2, 2])
+        bound_h, bound_v = LEVEL_K * _horizontal(P[k]), LEVEL_K * _sigma(P[k, 2, 2])
         levels[0, k], levels[1, k] = max(levels[0, k], gap_h + bound_h), max(levels[1, k], gap_v + bound_v)
         elsewhere[k] |= gap_h > bound_h or gap_v > bound_v
 
@@ -53,7 +53,13 @@ def _raise(x, other, P, levels, elsewhere):
 def _horizontal(P):
     """1 sigma in the horizontal direction known least."""
     a, b, c = P[0, 0], P[1, 1], P[0, 1]
-    return math.sqrt(0.5 * (a + b) + math.sqrt(0.25 * (a - b) * (a - b) + c * c))
+    return _sigma(0.5 * (a + b) + math.sqrt(0.25 * (a - b) * (a - b) + c * c))
+
+
+@kernel
+def _sigma(variance):
+    """Of a variance that rounding has spoilt nothing is known, so it bounds nothing."""
+    return math.sqrt(variance) if variance >= 0.0 else math.inf
 
 
 def separation(track: np.ndarray, sensor: int, position: np.ndarray, covariance: np.ndarray) -> np.ndarray:

@@ -62,6 +62,16 @@ def test_there_is_no_bound_where_a_sensor_is_alone():
     assert protection.enter(track(), [other((99, 0, 0), (1, 1, 1)), None]).tolist() == [False]
 
 
+@pytest.mark.parametrize("spoilt", [-1e-9, np.nan])
+def test_a_variance_that_rounding_has_spoilt_bounds_nothing(spoilt):
+    position, covariance = other((1.0, 0.0, 0.0), (1.0, 1.0, 1.0))
+    covariance[0, 2, 2] = spoilt
+    h, v = levels((position, covariance))
+    assert (h, v) == (pytest.approx(1.0 + K), np.inf)
+    covariance[0, 0, 0] = np.nan
+    assert levels((position, covariance)) == (np.inf, np.inf)
+
+
 def test_k_is_that_of_the_risk_shared_by_five_sensors():
     from scipy.stats import norm
 
