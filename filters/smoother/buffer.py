@@ -232,12 +232,12 @@ def faults(new: np.ndarray, variance: np.ndarray, oldest_ns: int) -> np.ndarray:
 def _faults(new, variance, oldest_ns, fault):
     for k in range(len(new)):
         row, fault[k] = new[k], NONE
-        if row.t_ns < oldest_ns:
+        if row["t_ns"] < oldest_ns:
             fault[k] = TOO_OLD
-        if not np.isfinite(row.value):
+        if not np.isfinite(row["value"]):
             fault[k] = NOT_FINITE
-        known = 0 <= row.sensor < variance.shape[0] and 0 <= row.channel < variance.shape[1]
-        if not known or not np.isfinite(variance[row.sensor, row.channel]):
+        known = 0 <= row["sensor"] < variance.shape[0] and 0 <= row["channel"] < variance.shape[1]
+        if not known or not np.isfinite(variance[row["sensor"], row["channel"]]):
             fault[k] = NO_CHANNEL
 
 
@@ -249,11 +249,11 @@ def _append(rows, ids, good, variance, begin, done):
     """
     for j in range(len(good)):
         k, row = begin + j, good[j]
-        rows.t[k], rows.sensor[k], rows.channel[k] = row.t_ns, row.sensor, row.channel
-        rows.value[k], ids[k] = row.value, row.id
-        own = row.sigma * row.sigma
-        stated = row.sigma > 0.0 and np.isfinite(own)
-        rows.stated[k] = own if stated else variance[row.sensor, row.channel]
+        rows.t[k], rows.sensor[k], rows.channel[k] = row["t_ns"], row["sensor"], row["channel"]
+        rows.value[k], ids[k] = row["value"], row["id"]
+        own = row["sigma"] * row["sigma"]
+        stated = row["sigma"] > 0.0 and np.isfinite(own)
+        rows.stated[k] = own if stated else variance[row["sensor"], row["channel"]]
     in_order = True
     for k in range(max(begin, done + 1), begin + len(good)):
         before = (rows.t[k - 1], rows.sensor[k - 1], rows.channel[k - 1])
@@ -272,8 +272,9 @@ def _changed(rows, own, ids, verdict, reason, published, begin, end, final, out)
         if (k >= final and verdict[k] == published[k]) or ids[k] < 0:
             continue
         one = out[count]
-        one.id, one.verdict, one.reason, one.final = ids[k], verdict[k], reason[k], k < final
-        one.predicted, one.sigma, one.weight = rows.value[k] - own.residual[k], own.sigma[k], own.weight[k]
+        one["id"], one["verdict"], one["reason"], one["final"] = ids[k], verdict[k], reason[k], k < final
+        one["predicted"], one["sigma"] = rows.value[k] - own.residual[k], own.sigma[k]
+        one["weight"] = own.weight[k]
         published[k] = verdict[k]
         count += 1
     return count
