@@ -1,6 +1,5 @@
 """The estimator's state for a given set of sensors, and what any row says about it, as arrays for numba."""
 
-import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -11,7 +10,6 @@ from filters.models.kernel import kernel
 from filters.models.rows import AE, AZIMUTH, CHANNELS, ELEVATION, RANGE, RANGE_RATE, VE, E, Sensor
 from filters.models.unscented import (
     difference,
-    is_possible,
     is_wide,
     linear_position,
     transform_position,
@@ -22,8 +20,6 @@ SLOTS = (
     11  # the most state entries one row can depend on: position, velocity, acceleration, clock, zero error
 )
 MEAN, COV, SCRATCH = 6, 7, 21  # rows of the working space: see `_at_true_time`
-ANY_ANGLE = math.pi**2 / 3  # variance of an angle that may be any
-NOTHING = 1e30  # variance of what a line of sight alone says while the place is not known at all
 HEIGHT_TAU_S = 10.0  # correlation time of a height that is told beforehand
 CLOCK_TAU_S = 2e5  # a clock with a prior of 0.1 s wanders by 0.3 ms √s: 5 ms in four minutes
 
@@ -182,12 +178,10 @@ def predict_row(model, rows, i, x, P, psd, out, k, work):
                 channel, y, C, model.offset, model.rotation, model.bend, sensor
             )
             v = difference(channel, rows.value[i], value)
-        elif is_possible(y, C, rows.place, i, model.offset, sensor):
+        else:
             v, variance, g = linear_position(
                 channel, rows.value[i], y, C, rows.place, i, model.offset, model.rotation, model.bend, sensor
             )
-        else:
-            v, variance, g = 0.0, NOTHING if channel == RANGE else ANY_ANGLE, (0.0, 0.0, 0.0)
         for j in range(n):
             m[k, j] = g[0] * work[0, j] + g[1] * work[1, j] + g[2] * work[2, j]
         for j in range(3):

@@ -22,7 +22,7 @@ REFRACTION = {"none": 0.0, "optical": 0.13, "radar": 0.25}
 ZERO_SIGMA = 5.0, np.radians(0.05), np.radians(0.05)  # priors in m, rad: set up with ordinary care
 PARALLEL = 1e-4  # squared sine of the angle between two lines of sight that do not cross
 SLOW_TAU_S = 10.0  # correlation time of the slow errors
-TOGETHER_NS = 100_000_000  # two lines of sight so close in time cross where the target is
+TOGETHER_NS = 100_000_000  # channels, and lines of sight, so close in time are of one place
 CLOCK_SIGMA_S = 0.1  # prior of the clock offset: a PC synchronised over the network
 
 
@@ -83,53 +83,96 @@ def _angle(sine, cosine):
 def places(rows, offset, rotation, is_ins, height_m, begin):
     """Fill ``rows.place`` from row ``begin`` on: the position that range, azimuth and elevation stand for.
 
-    With a ``height_m`` known beforehand (else NaN), range and azimuth. It is no measurement of its own: it is
-    where a prediction that is too wide is linearised, so that a start and a gap need no update of another
-    kind. A channel that an instrument gives at another instant is that of up to `TOGETHER_NS` ago.
+    With a ``height_m`` known beforehand (else NaN), range and azimuth. Where there is no range, the crossing
+    with another instrument's line of sight, of those that cross most nearly at a right angle. It is no
+    measurement of its own: it is where a prediction that is too wide is linearised, so that a start and a gap
+    need no update of another kind. A channel that an instrument gives at another instant is that of up to
+    `TOGETHER_NS` ago.
     """
     count, k = rows.t.size, begin
     while k < count:
-        end = k + 1
-        while end < count and rows.t[end] == rows.t[k] and rows.sensor[end] == rows.sensor[k]:
+        end, s = k + 1, rows.sensor[k]
+        while end < count and rows.t[end] == rows.t[k] and rows.sensor[end] == s:
             end += 1
-        s = rows.sensor[k]
-        far = azimuth = elevation = math.nan
-        i, missing = end - 1, 7  # bits: range, azimuth, elevation
-        while i >= 0 and missing and not is_ins[s] and (i >= k or rows.t[k] - rows.t[i] <= TOGETHER_NS):
-            if rows.sensor[i] == s and rows.channel[i] == RANGE and missing & 1:
-                far, missing = rows.value[i], missing & ~1
-            elif rows.sensor[i] == s and rows.channel[i] == AZIMUTH and missing & 2:
-                azimuth, missing = rows.value[i], missing & ~2
-            elif rows.sensor[i] == s and rows.channel[i] == ELEVATION and missing & 4:
-                elevation, missing = rows.value[i], missing & ~4
-            i -= 1
         if not is_ins[s]:
-            if missing & 4 and not missing & 1 and height_m == height_m:
-                elevation = math.asin(max(-1.0, min(1.0, (height_m - offset[s, 2]) / far)))
-            flat = far * math.cos(elevation)
-            a, b, c = flat * math.sin(azimuth), flat * math.cos(azimuth), far * math.sin(elevation)
+            far = newest(rows, s, RANGE, k, end)
+            if far == far:
+                azimuth, elevation = newest(rows, s, AZIMUTH, k, end), newest(rows, s, ELEVATION, k, end)
+                if elevation != elevation and height_m == height_m:
+                    elevation = math.asin(max(-1.0, min(1.0, (height_m - offset[s, 2]) / far)))
+                a, b, c = line_of_sight(rotation, s, azimuth, elevation)
+                place = offset[s, 0] + far * a, offset[s, 1] + far * b, offset[s, 2] + far * c
+            else:
+                place = _widest_crossing(rows, s, k, end, offset, rotation, is_ins, height_m)
             for i in range(k, end):
-                for j in range(3):
-                    rows.place[i, j] = (
-                        offset[s, j] + rotation[s, 0, j] * a + rotation[s, 1, j] * b + rotation[s, 2, j] * c
-                    )
+                rows.place[i, 0], rows.place[i, 1], rows.place[i, 2] = place
         k = end
 
 
-def line_of_sight(rotation: np.ndarray, azimuth: float, elevation: float) -> np.ndarray:
-    """Unit vector, station ENU, of an instrument with ``rotation`` (3, 3) from there."""
-    flat = np.cos(elevation)
-    return rotation.T @ np.array([flat * np.sin(azimuth), flat * np.cos(azimuth), np.sin(elevation)])
+@kernel
+def newest(rows, s, channel, k, end):
+    """The newest value of a channel of sensor ``s`` before row ``end``, not long before row ``k``; or NaN."""
+    i = end - 1
+    while i >= 0 and (i >= k or rows.t[k] - rows.t[i] <= TOGETHER_NS):
+        if rows.sensor[i] == s and rows.channel[i] == channel:
+            return rows.value[i]
+        i -= 1
+    return math.nan
 
 
-def crossing(a: np.ndarray, ray_a: np.ndarray, b: np.ndarray, ray_b: np.ndarray) -> np.ndarray | None:
-    """The point nearest to lines of sight from ``a`` and ``b`` (3,); none of parallel ones or behind them."""
-    base, cosine = b - a, ray_a @ ray_b
-    sine2 = 1.0 - cosine**2
-    if sine2 < PARALLEL:
-        return None
-    along_a = (base @ ray_a - cosine * (base @ ray_b)) / sine2
-    along_b = (cosine * (base @ ray_a) - base @ ray_b) / sine2
-    if along_a <= 0.0 or along_b <= 0.0:
-        return None
-    return (a + along_a * ray_a + b + along_b * ray_b) / 2
+@kernel
+def _widest_crossing(rows, s, k, end, offset, rotation, is_ins, height_m):
+    """Where the line of sight of ``s`` crosses another one at row ``k``; NaN where there is none."""
+    widest, place = 0.0, (math.nan, math.nan, math.nan)
+    ray = _sighted(rows, s, k, end, rotation, height_m)
+    for other in range(len(is_ins)):
+        if other != s and not is_ins[other]:
+            sine2, crossed = crossing(
+                offset, s, ray, other, _sighted(rows, other, k, end, rotation, height_m)
+            )
+            if sine2 > widest:
+                widest, place = sine2, crossed
+    return place
+
+
+@kernel
+def _sighted(rows, s, k, end, rotation, height_m):
+    """Direction in which sensor ``s`` sees the target at row ``k``; with a height known, level if need be."""
+    elevation = newest(rows, s, ELEVATION, k, end)
+    if elevation != elevation and height_m == height_m:
+        elevation = 0.0
+    return line_of_sight(rotation, s, newest(rows, s, AZIMUTH, k, end), elevation)
+
+
+@kernel
+def line_of_sight(rotation, s, azimuth, elevation):
+    """Unit vector (3), station ENU, of instrument ``s`` with ``rotation`` (s, 3, 3) from there."""
+    flat, up = math.cos(elevation), math.sin(elevation)
+    east, north = flat * math.sin(azimuth), flat * math.cos(azimuth)
+    return (
+        rotation[s, 0, 0] * east + rotation[s, 1, 0] * north + rotation[s, 2, 0] * up,
+        rotation[s, 0, 1] * east + rotation[s, 1, 1] * north + rotation[s, 2, 1] * up,
+        rotation[s, 0, 2] * east + rotation[s, 1, 2] * north + rotation[s, 2, 2] * up,
+    )
+
+
+@kernel
+def crossing(offset, a, ray_a, b, ray_b):
+    """Squared sine of the angle between lines of sight from instruments ``a`` and ``b``, and the point (3)
+    nearest to both; 0 of parallel ones, where it is behind one of them, and where one is NaN.
+    """
+    base = offset[b, 0] - offset[a, 0], offset[b, 1] - offset[a, 1], offset[b, 2] - offset[a, 2]
+    cosine = ray_a[0] * ray_b[0] + ray_a[1] * ray_b[1] + ray_a[2] * ray_b[2]
+    sine2 = 1.0 - cosine * cosine
+    if sine2 >= PARALLEL:
+        by_a = base[0] * ray_a[0] + base[1] * ray_a[1] + base[2] * ray_a[2]
+        by_b = base[0] * ray_b[0] + base[1] * ray_b[1] + base[2] * ray_b[2]
+        along_a, along_b = (by_a - cosine * by_b) / sine2, (cosine * by_a - by_b) / sine2
+        if along_a > 0.0 and along_b > 0.0:
+            half_a, half_b = 0.5 * along_a, 0.5 * along_b
+            return sine2, (
+                0.5 * (offset[a, 0] + offset[b, 0]) + half_a * ray_a[0] + half_b * ray_b[0],
+                0.5 * (offset[a, 1] + offset[b, 1]) + half_a * ray_a[1] + half_b * ray_b[1],
+                0.5 * (offset[a, 2] + offset[b, 2]) + half_a * ray_a[2] + half_b * ray_b[2],
+            )
+    return 0.0, (math.nan, math.nan, math.nan)

@@ -12,11 +12,12 @@ import math
 
 from filters.models import radar, theodolite
 from filters.models.kernel import exact, kernel
-from filters.models.rows import AZIMUTH, ELEVATION
+from filters.models.rows import AZIMUTH, ELEVATION, RANGE
 
 SPREAD = math.sqrt(3.0)
 WIDE, DEEP = 0.1, 0.4  # of the distance: 1-sigma across and along the line of sight beyond which a channel
 # bends too much for sigma points, or they reach behind the instrument
+NOTHING = 1e30  # variance of what a range alone says while the place is not known at all
 POSSIBLE = 5.0  # sigmas along the line of sight within which a prediction allows a place
 
 
@@ -48,19 +49,25 @@ def is_wide(y, C, place, i, offset, s):
 
 
 @kernel
-def is_possible(y, C, place, i, offset, s):
-    """Whether row ``i`` has a place, and position ``y``, ``C`` may be as far from sensor ``s`` as that is.
-
-    Else the place says nothing of how an angle depends on the position: a target taken to be at the
-    instrument itself would lie on every line of sight.
-    """
-    if place[i, 0] != place[i, 0]:
-        return False
+def _is_possible(y, C, place, i, offset, s):
+    """Whether row ``i`` has a place, and position ``y``, ``C`` may be as far from sensor ``s`` as that is."""
     a, b, c = place[i, 0] - offset[s, 0], place[i, 1] - offset[s, 1], place[i, 2] - offset[s, 2]
     far2 = max(a * a + b * b + c * c, 1e-9)
     along = a * a * C[0] + b * b * C[2] + c * c * C[5] + 2.0 * (a * b * C[1] + a * c * C[3] + b * c * C[4])
     gap = a * (place[i, 0] - y[0]) + b * (place[i, 1] - y[1]) + c * (place[i, 2] - y[2])
     return gap * gap <= POSSIBLE * POSSIBLE * along + DEEP * DEEP * far2 * far2
+
+
+@kernel
+def _pointed_at(channel, seen, y, C, offset, rotation, s):
+    """Where an angle of sensor ``s`` points, a point (3) as far away as position ``y``, ``C`` is expected."""
+    a, b, c = y[0] - offset[s, 0], y[1] - offset[s, 1], y[2] - offset[s, 2]
+    far = math.sqrt(a * a + b * b + c * c + C[0] + C[2] + C[5])
+    east, north, up = _turn(rotation, s, a, b, c)
+    azimuth, elevation = math.atan2(east, north), math.atan2(up, math.sqrt(east * east + north * north))
+    azimuth, elevation = (seen, elevation) if channel == AZIMUTH else (azimuth, seen)
+    a, b, c = theodolite.line_of_sight(rotation, s, azimuth, elevation)
+    return offset[s, 0] + far * a, offset[s, 1] + far * b, offset[s, 2] + far * c
 
 
 @exact
@@ -115,17 +122,28 @@ def linear_position(channel, seen, y, C, place, i, offset, rotation, bend, s):
     For a position so uncertain that sigma points around ``y`` would reach round the instrument: the
     measurement itself says better than the prediction where it was taken (iterated extended Kalman filter:
     Bell & Cathey 1993, with the measurement's own position as the point of linearisation).
+
+    Where the row has no place, or one that the prediction does not allow, an angle is compared with the
+    prediction, but does not move the state: how far away the target is decides how much it says, and a target
+    taken to be at the instrument itself lies on every line of sight.
     """
-    p = _turn(rotation, s, place[i, 0] - offset[s, 0], place[i, 1] - offset[s, 1], place[i, 2] - offset[s, 2])
+    allowed = _is_possible(y, C, place, i, offset, s)
+    if allowed or channel == RANGE:
+        at = place[i, 0], place[i, 1], place[i, 2]
+    else:
+        at = _pointed_at(channel, seen, y, C, offset, rotation, s)
+    p = _turn(rotation, s, at[0] - offset[s, 0], at[1] - offset[s, 1], at[2] - offset[s, 2])
     h = theodolite.gradient(channel, p, bend[s])
     g0 = rotation[s, 0, 0] * h[0] + rotation[s, 1, 0] * h[1] + rotation[s, 2, 0] * h[2]
     g1 = rotation[s, 0, 1] * h[0] + rotation[s, 1, 1] * h[1] + rotation[s, 2, 1] * h[2]
     g2 = rotation[s, 0, 2] * h[0] + rotation[s, 1, 2] * h[1] + rotation[s, 2, 2] * h[2]
     v = difference(channel, seen, theodolite.observe(channel, p, bend[s]))
-    v -= g0 * (y[0] - place[i, 0]) + g1 * (y[1] - place[i, 1]) + g2 * (y[2] - place[i, 2])
+    v -= g0 * (y[0] - at[0]) + g1 * (y[1] - at[1]) + g2 * (y[2] - at[2])
     variance = g0 * g0 * C[0] + g1 * g1 * C[2] + g2 * g2 * C[5]
     variance += 2.0 * (g0 * g1 * C[1] + g0 * g2 * C[3] + g1 * g2 * C[4])
-    return v, variance, (g0, g1, g2)
+    if v != v:
+        return 0.0, NOTHING, (0.0, 0.0, 0.0)
+    return v, variance, ((g0, g1, g2) if allowed else (0.0, 0.0, 0.0))
 
 
 @kernel

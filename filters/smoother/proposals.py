@@ -1,7 +1,6 @@
 """Other explanations of the same rows: where to begin, and who may challenge an incumbent.
 
-`candidates` are first states around the places that measurements stand for (`theodolite.places`), and around
-the crossings of two lines of sight.
+`candidates` are first states around the places that measurements stand for (`theodolite.places`).
 
     starts      nothing known before: a candidate of each sensor and its rows, then all rows
     again       the incumbent's anchor, from other weights: all rows open, annealed, or as another bank has it
@@ -17,9 +16,9 @@ import numpy as np
 
 from filters.models.kernel import kernel
 from filters.models.motion import CORE
-from filters.models.rows import AZIMUTH, CHANNELS, ELEVATION, VE, E, N, U
+from filters.models.rows import CHANNELS, RANGE, VE, E, N, U
 from filters.models.state import Model, prior_covariance
-from filters.models.theodolite import TOGETHER_NS, crossing, line_of_sight
+from filters.models.theodolite import places
 from filters.smoother import adaptation, status
 from filters.smoother.buffer import Rows, outcome, streams
 from filters.smoother.hypothesis import Hypothesis, Moment, Workspace
@@ -44,30 +43,21 @@ class Prior(NamedTuple):
     height_sigma_m: float = np.nan
 
 
-def fixes(model: Model, rows: Rows, height_m: float) -> np.ndarray:
-    """(f, 5) sensor, time (s from the first row) and position (3,) m station ENU that the rows allow.
+def fixes(model: Model, rows: Rows) -> np.ndarray:
+    """(f, 5) sensor, time (s from the first row) and position (3,) m station ENU that the rows stand for.
 
-    Of an INS, of an instrument alone, and of two lines of sight (sensor: the first one's).
+    Of an INS its own, of an instrument the row's place: see `theodolite.places`.
     """
-    t_s, found, rays = (rows.t - rows.t[0]) * 1e-9, [], []
+    t_s, found = (rows.t - rows.t[0]) * 1e-9, []
     first = np.flatnonzero(np.diff(rows.t, prepend=-1) | np.diff(rows.sensor, prepend=-1))
     for k, end in zip(first, np.append(first[1:], len(rows.t)), strict=True):
-        s, said = int(rows.sensor[k]), dict(zip(rows.channel[k:end].tolist(), rows.value[k:end], strict=True))
+        s = int(rows.sensor[k])
         if model.is_ins[s]:
+            said = dict(zip(rows.channel[k:end].tolist(), rows.value[k:end], strict=True))
             if E in said and N in said and U in said:
                 found.append((s, t_s[k], said[E], said[N], said[U]))
         elif np.isfinite(rows.place[k, 0]):
             found.append((s, t_s[k], *rows.place[k]))
-        elif AZIMUTH in said and ELEVATION in said:
-            rays.append((s, t_s[k], line_of_sight(model.rotation[s], said[AZIMUTH], said[ELEVATION])))
-        elif AZIMUTH in said and np.isfinite(height_m):
-            rays.append((s, t_s[k], line_of_sight(model.rotation[s], said[AZIMUTH], 0.0)))
-    for i, (a, when, ray) in enumerate(rays):
-        for b, then, other in rays[max(0, i - 8) : i]:
-            if a != b and when - then <= TOGETHER_NS * 1e-9:
-                cross = crossing(model.offset[a], ray, model.offset[b], other)
-                if cross is not None:
-                    found.append((min(a, b), when, *cross))
     return np.array(found).reshape(-1, 5)
 
 
@@ -78,7 +68,7 @@ def candidates(
 
     Position and velocity are the middle of what its own fixes show; their sigmas know of nothing.
     """
-    all_fixes, out = fixes(model, rows, height_m), []
+    all_fixes, out = fixes(model, rows), []
     for s in np.unique(all_fixes[:, 0]).astype(int):
         own = all_fixes[all_fixes[:, 0] == s]
         place, velocity = _line(own[:, 1], own[:, 2:])
@@ -88,10 +78,12 @@ def candidates(
             velocity[axis] = np.median(values) if len(values) else velocity[axis]
         velocity *= min(1.0, FASTEST * FASTEST_MPS / max(float(np.linalg.norm(velocity)), 1e-9))
         mine = rows.sensor == s
-        alone = model.is_ins[s] or np.isfinite(rows.place[mine, 0]).any()
+        alone = model.is_ins[s] or (rows.channel[mine] == RANGE).any()
         distance = 0.0 if model.is_ins[s] else np.linalg.norm(place - model.offset[s])
         sigma_m = max(PLACE_SIGMA_M, PLACE_SHARE * distance) if alone else NEAR * distance
-        out.append((s, *state(model, place, sigma_m, velocity, height_m, height_sigma_m)))
+        seconds = float(np.ptp(own[:, 1]))
+        sigma_mps = min(SPEED_SIGMA_MPS, 2**0.5 * sigma_m / seconds) if seconds else SPEED_SIGMA_MPS
+        out.append((s, *state(model, place, sigma_m, velocity, sigma_mps, height_m, height_sigma_m)))
     return out
 
 
@@ -113,6 +105,7 @@ def state(
     place: np.ndarray,
     sigma_m: float,
     velocity: np.ndarray,
+    sigma_mps: float,
     height_m: float,
     height_sigma_m: float,
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -123,7 +116,7 @@ def state(
     P[range(3), range(3)] = sigma_m**2
     if np.isfinite(height_m):
         x[2], P[2, 2] = height_m, height_sigma_m**2
-    P[range(3, 6), range(3, 6)] = SPEED_SIGMA_MPS**2
+    P[range(3, 6), range(3, 6)] = sigma_mps**2
     P[range(6, CORE), range(6, CORE)] = ACCELERATION_SIGMA_MPS2**2
     if np.isfinite(height_m):  # and keeps it
         x[5], P[5, 5], P[8, 8] = 0.0, 0.0, 0.0
@@ -232,6 +225,8 @@ def starts(
     usable = Rows(*(column[rows.sensor != excluded] for column in rows))
     if not len(usable.t):
         return trials
+    if excluded >= 0:  # what it says is no part of a place
+        places(usable, model.offset, model.rotation, model.is_ins, prior.height_m, 0)
     for s, x, P in candidates(model, usable, prior.height_m, prior.height_sigma_m):
         if s not in of:
             continue

@@ -7,6 +7,7 @@ from filters.models import state, theodolite
 from filters.models.motion import CORE
 from filters.models.rows import AZIMUTH, ELEVATION, RANGE, E
 from filters.smoother import proposals
+from filters.smoother.buffer import Rows
 from tests.filters.smoother.apart.test_challengers import later
 from tests.filters.smoother.kit import small
 from tests.filters.smoother.test_bank import INS, RADAR, A, B
@@ -81,7 +82,7 @@ def test_no_place_without_elevation_and_height():
 
 
 def fixes(model, rows, height=np.nan):
-    return proposals.fixes(model, place(model, rows, height), height)
+    return proposals.fixes(model, place(model, rows, height))
 
 
 def test_an_ins_and_an_instrument_fix_what_they_say():
@@ -102,15 +103,40 @@ def passive(name, at):
 
 def test_two_lines_of_sight_cross_at_the_target():
     found = fixes(*seen([passive("a", (0, 0, 0)), passive("b", (900, 300, 10)), passive("c", (0, 900, 0))]))
-    assert found[:, 0].tolist() == [0, 0, 1]
+    assert found[:, 0].tolist() == [1, 2]  # the first one has nobody before it
+    assert np.allclose(found[:, 2:], HERE, atol=1e-6)
+
+
+def test_of_several_lines_the_two_that_cross_most_nearly_at_a_right_angle_count():
+    """The third one is 1 mrad wrong: by the sight from beside it the place would be a kilometre off."""
+    sensors = [passive("a", (0, 0, 0)), passive("beside c", (0, 890, 0)), passive("c", (0, 900, 0))]
+    model, rows = seen(sensors)
+    rows.value[(rows.sensor == 2) & (rows.channel == AZIMUTH)] += 1e-3
+    assert np.linalg.norm(fixes(model, rows)[-1, 2:] - HERE) < 5.0
+
+
+def test_an_instrument_may_give_its_two_angles_at_two_instants():
+    """A sweep for each: the lines cross once both stations have swept twice."""
+    sensors = [passive("a", (0, 0, 0)), passive("b", (900, 300, 10))]
+    model = state.build(sensors)
+    sweeps = [
+        (0.00, 0, AZIMUTH),
+        (0.01, 0, ELEVATION),
+        (0.02, 1, AZIMUTH),
+        (0.03, 1, ELEVATION),
+        (0.04, 0, AZIMUTH),
+    ]
+    rows = small.as_rows([(t, s, c, small.polar(sensors[s], HERE)[c]) for t, s, c in sweeps], model)
+    found = fixes(model, rows)
+    assert np.allclose(found[:, 1], [0.03, 0.04])
     assert np.allclose(found[:, 2:], HERE, atol=1e-6)
 
 
 def test_lines_that_miss_cross_in_the_middle():
     model, rows = seen([passive("a", (0, 0, 0)), passive("b", (1400, 0, 0))])
     rows.value[rows.channel == ELEVATION] += [1e-3, -1e-3]
-    found = fixes(model, rows)
-    assert np.linalg.norm(found[0, 2:] - HERE) < 1.0
+    [found] = fixes(model, rows)
+    assert np.linalg.norm(found[2:] - HERE) < 1.0
 
 
 def test_parallel_lines_and_lines_that_meet_behind_do_not_cross():
@@ -179,14 +205,14 @@ def test_every_sensor_with_a_fix_has_its_first_state():
     model, rows = flight([small.ins(), small.theodolite("a", (0, -300, 0)), passive("b", (500, 0, 0))])
     found = proposals.candidates(model, rows, np.nan, np.nan)
     p, v = small.truth(np.zeros(1))
-    assert [s for s, *_ in found] == [0, 1]
+    assert [s for s, *_ in found] == [0, 1, 2]  # the passive one by its crossing with the other
     for s, x, P in found:
         assert np.linalg.norm(x[:3] - p[0]) < 10.0
         assert np.linalg.norm(x[3:6] - v[0]) < (3.0 if s == 0 else 20.0)  # it turns
         assert not x[6:].any()
         assert np.array_equal(P, P.T)
         assert np.allclose(np.diag(P)[CORE:], np.diag(state.prior_covariance(model))[CORE:])
-        assert np.sqrt(P[0, 0]) == proposals.PLACE_SIGMA_M
+        assert np.sqrt(P[0, 0]) == proposals.PLACE_SIGMA_M or s == 2
 
 
 def test_no_first_state_is_faster_than_a_target_can_be():
@@ -211,6 +237,18 @@ def test_where_only_lines_of_sight_say_it_the_place_is_known_to_a_share():
     p, _ = small.truth(np.zeros(1))
     assert np.linalg.norm(x[:3] - p[0]) < 5.0
     assert np.sqrt(P[0, 0]) == pytest.approx(proposals.NEAR * np.linalg.norm(x[:3] - sensors[s].offset_m))
+
+
+def test_a_first_velocity_is_as_unsure_as_the_places_it_is_from():
+    """Else a target four metres away would be anywhere after ten milliseconds."""
+    sensors = [passive("a", (0, 0, 0)), passive("b", (4, 0, 0))]
+    model, rows = flight(sensors, 0.5, p0=(2.0, -26.0, 1.0), v0=(0.1, 0.0, 0.0), turn=0.0)
+    _, x, P = proposals.candidates(model, rows, np.nan, np.nan)[0]
+    own = rows.t[(rows.sensor == 0) & np.isfinite(rows.place[:, 0])]
+    assert np.sqrt(P[3, 3]) == pytest.approx(np.sqrt(2.0 * P[0, 0]) / (1e-9 * np.ptp(own)))
+    assert np.linalg.norm(x[3:6] - [0.1, 0.0, 0.0]) < 0.5
+    _, _, P = proposals.candidates(model, Rows(*(column[:4] for column in rows)), np.nan, np.nan)[0]
+    assert np.sqrt(P[3, 3]) == proposals.SPEED_SIGMA_MPS  # of one place nobody knows
 
 
 def test_nothing_said_nothing_begun():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from filters import methods
-from filters.models.rows import USED
+from filters.models.rows import ELEVATION, USED
 from tests.filters.smoother.kit import small
 from tests.filters.smoother.kit.flights import SENSORS, contaminated, error_m, finals, run
 
@@ -27,6 +27,44 @@ def test_it_comes_back_after_a_gap(gap_s):
     assert np.array_equal(finals(verdicts)["id"], rows["id"])
     used = finals(verdicts)["verdict"][rows["t_ns"] > (3.5 + gap_s) * 1e9] == USED
     assert used.mean() > 0.95
+
+
+SWEEPING = [
+    small.theodolite("a", (0.0, 0.0, 3.0), az=4e-3, el=4e-3),
+    small.theodolite("b", (4.0, 0.0, 3.0), az=4e-3, el=4e-3),
+]
+ROOM = {"p0": (2.0, -27.0, 1.0), "v0": (-0.3, 0.1, 0.0), "turn": 0.02}  # y: 3 m at first
+
+
+def swept(seconds):
+    """(k,) ROW of two stations a few metres away; each sweeps for the elevation 8 ms after the azimuth."""
+    rows = small.fly(SWEEPING, seconds, hz=30.0, **ROOM)
+    rows["t_ns"] += 8_000_000 * (rows["channel"] == ELEVATION)
+    return rows[np.argsort(rows["t_ns"], kind="stable")]
+
+
+def test_two_stations_with_a_sweep_for_each_angle_begin_at_once():
+    track, *_ = run(swept(2.0), sensors=SWEEPING)
+    assert track["t_ns"][0] < 0.2e9
+    gap = track["x"][:, :3] - small.truth(track["t_ns"] * 1e-9, **ROOM)[0]
+    assert np.linalg.norm(gap[10:], axis=1).max() < 0.1
+
+
+def test_a_station_that_comes_back_is_used_at_once():
+    """Three seconds by the other one alone leave the target anywhere along its line of sight."""
+    rows = swept(8.0)
+    alone = (rows["sensor"] == 1) & (rows["t_ns"] > 3e9) & (rows["t_ns"] < 6e9)
+    rows = rows[~alone]
+    rows["id"] = np.arange(len(rows))
+    track, _, verdicts, estimator = run(rows, sensors=SWEEPING)
+    gap = track["x"][:, :3] - small.truth(track["t_ns"] * 1e-9, **ROOM)[0]
+    assert (np.abs(gap) < 5.0 * np.sqrt(np.diagonal(track["P"], axis1=1, axis2=2)[:, :3])).all()
+    back = track["t_ns"] > 6.1e9
+    assert np.linalg.norm(gap[back], axis=1).max() < 0.1
+    assert not track["ambiguous"][back].any()
+    best = estimator.smooth()
+    assert np.linalg.norm(best["x"][:, :3] - small.truth(best["t_ns"] * 1e-9, **ROOM)[0], axis=1).max() < 0.3
+    assert (finals(verdicts)["verdict"][rows["t_ns"] > 6e9] == USED).mean() > 0.97
 
 
 # ---- methods
