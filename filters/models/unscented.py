@@ -35,17 +35,22 @@ def difference(channel, a, b):
 
 @kernel
 def is_wide(y, C, place, i, offset, s):
-    """Whether position ``y``, ``C`` is too uncertain for sigma points around it, seen from sensor ``s``."""
+    """Whether position ``y``, ``C`` is too uncertain for sigma points around it, seen from sensor ``s``.
+
+    Of a line of sight alone, along it no less than across: a target twice as far away that moves twice as
+    wildly is as likely, so from a distance that is not known well the two lead each other anywhere.
+    """
     a, b, c = y[0] - offset[s, 0], y[1] - offset[s, 1], y[2] - offset[s, 2]
-    near = a * a + b * b + c * c
+    near, deep = a * a + b * b + c * c, WIDE
     if place[i, 0] == place[i, 0]:
+        deep = DEEP
         a, b, c = place[i, 0] - offset[s, 0], place[i, 1] - offset[s, 1], place[i, 2] - offset[s, 2]
         near = min(near, a * a + b * b + c * c)
     scale = 1.0 / max(a * a + b * b + c * c, 1e-9)
     along = a * a * C[0] + b * b * C[2] + c * c * C[5] + 2.0 * (a * b * C[1] + a * c * C[3] + b * c * C[4])
     along *= scale
     across = C[0] + C[2] + C[5] - along
-    return across > WIDE * WIDE * near or along > DEEP * DEEP * near
+    return across > WIDE * WIDE * near or along > deep * deep * near
 
 
 @kernel

@@ -112,3 +112,15 @@ def test_a_narrow_prior_needs_no_place():
         other = predict(model, channel, seen, x, P, place=x[:3] + 500.0)
         assert without[:2] == other[:2]
         assert np.array_equal(without[3], other[3])
+
+
+@pytest.mark.parametrize("channel", [AZIMUTH, ELEVATION])
+@pytest.mark.parametrize(("along_m", "moves"), [(90.0, True), (110.0, False)])
+def test_a_line_of_sight_alone_moves_only_a_target_whose_distance_is_known(channel, along_m, moves):
+    """To a tenth, as across it; with a place of its own to two fifths."""
+    sensor = small.theodolite()
+    model = state.build([sensor])
+    x, P = diffuse(model, (0.0, 1000.0, 0.0))
+    P[range(3), range(3)] = 1.0, along_m**2, 1.0
+    assert predict(model, channel, 1e-3, x, P)[3].any() == moves
+    assert predict(model, channel, 1e-3, x, P, place=x[:3] + 5.0)[3].any()
