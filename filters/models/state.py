@@ -173,7 +173,7 @@ def predict_row(model, rows, i, x, P, psd, out, k, work):
             work[COV, 0], work[COV + 1, 0], work[COV + 1, 1],
             work[COV + 2, 0], work[COV + 2, 1], work[COV + 2, 2],
         )  # fmt: skip
-        if not is_wide(y, C, rows.place, i, model.offset, sensor):
+        if not is_wide(channel, y, C, rows.place, i, model.offset, sensor):
             value, variance, g = transform_position(
                 channel, y, C, model.offset, model.rotation, model.bend, sensor
             )

@@ -95,9 +95,9 @@ def places(rows, offset, rotation, is_ins, height_m, begin):
         while end < count and rows.t[end] == rows.t[k] and rows.sensor[end] == s:
             end += 1
         if not is_ins[s]:
-            far = newest(rows, s, RANGE, k, end)
+            far = _newest(rows, s, RANGE, k, end)
             if far == far:
-                azimuth, elevation = newest(rows, s, AZIMUTH, k, end), newest(rows, s, ELEVATION, k, end)
+                azimuth, elevation = _newest(rows, s, AZIMUTH, k, end), _newest(rows, s, ELEVATION, k, end)
                 if elevation != elevation and height_m == height_m:
                     elevation = math.asin(max(-1.0, min(1.0, (height_m - offset[s, 2]) / far)))
                 a, b, c = line_of_sight(rotation, s, azimuth, elevation)
@@ -110,7 +110,7 @@ def places(rows, offset, rotation, is_ins, height_m, begin):
 
 
 @kernel
-def newest(rows, s, channel, k, end):
+def _newest(rows, s, channel, k, end):
     """The newest value of a channel of sensor ``s`` before row ``end``, not long before row ``k``; or NaN."""
     i = end - 1
     while i >= 0 and (i >= k or rows.t[k] - rows.t[i] <= TOGETHER_NS):
@@ -138,10 +138,10 @@ def _widest_crossing(rows, s, k, end, offset, rotation, is_ins, height_m):
 @kernel
 def _sighted(rows, s, k, end, rotation, height_m):
     """Direction in which sensor ``s`` sees the target at row ``k``; with a height known, level if need be."""
-    elevation = newest(rows, s, ELEVATION, k, end)
+    elevation = _newest(rows, s, ELEVATION, k, end)
     if elevation != elevation and height_m == height_m:
         elevation = 0.0
-    return line_of_sight(rotation, s, newest(rows, s, AZIMUTH, k, end), elevation)
+    return line_of_sight(rotation, s, _newest(rows, s, AZIMUTH, k, end), elevation)
 
 
 @kernel

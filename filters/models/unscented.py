@@ -34,14 +34,14 @@ def difference(channel, a, b):
 
 
 @kernel
-def is_wide(y, C, place, i, offset, s):
+def is_wide(channel, y, C, place, i, offset, s):
     """Whether position ``y``, ``C`` is too uncertain for sigma points around it, seen from sensor ``s``.
 
     Of a line of sight alone, along it no less than across: a target twice as far away that moves twice as
     wildly is as likely, so from a distance that is not known well the two lead each other anywhere.
     """
     a, b, c = y[0] - offset[s, 0], y[1] - offset[s, 1], y[2] - offset[s, 2]
-    near, deep = a * a + b * b + c * c, WIDE
+    near, deep = a * a + b * b + c * c, DEEP if channel == RANGE else WIDE
     if place[i, 0] == place[i, 0]:
         deep = DEEP
         a, b, c = place[i, 0] - offset[s, 0], place[i, 1] - offset[s, 1], place[i, 2] - offset[s, 2]

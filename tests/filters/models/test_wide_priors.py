@@ -123,4 +123,5 @@ def test_a_line_of_sight_alone_moves_only_a_target_whose_distance_is_known(chann
     x, P = diffuse(model, (0.0, 1000.0, 0.0))
     P[range(3), range(3)] = 1.0, along_m**2, 1.0
     assert predict(model, channel, 1e-3, x, P)[3].any() == moves
+    assert predict(model, RANGE, 1000.0, x, P)[3].any()
     assert predict(model, channel, 1e-3, x, P, place=x[:3] + 5.0)[3].any()
