@@ -10,8 +10,8 @@ import sys
 
 COMMANDS = {  # name → file and what it is about
     "flights": ("accuracy", "recorded and simulated flights with simulated instruments"),
-    "autoferry": ("autoferry", "real radar and lidar of a ferry"),
-    "stations": ("stations", "two real angle stations"),
+    "autoferry": ("real.autoferry", "real radar and lidar of a ferry"),
+    "stations": ("real.stations", "two real angle stations"),
     "gaps": ("gaps", "one radar, silent for a while"),
     "air": ("air", "one radar: air traffic, and drones with gaps"),
     "starts": ("starts", "many starts, by every subset of instruments"),

@@ -91,11 +91,8 @@ def at_plots(seen, ran: run.Run) -> dict:
         return score.NONE_YET | {"known": 0.0}
     t_ns = t_ns[here]
     flat_m = score.errors(seen.flight, ran.track, t_ns, True, 2)[0]
-    _, off, P, k = score.errors(seen.flight, ran.track, t_ns, True)
-    far = np.max(np.abs(off) / np.sqrt(np.einsum("kii->ki", P)), axis=1) > 5.0
     return score.figures(seen, ran, t_ns=t_ns) | {
         "known": float(here.mean()),
-        "sure5": float(np.mean(far & ~ran.track["ambiguous"][k])),
         "flat": score.rms(flat_m),
         "flat_p95": float(np.percentile(flat_m, 95)),
     }

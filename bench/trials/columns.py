@@ -4,6 +4,7 @@ rms median p95 worst   position error of the newest state, m          beyond3/5 
 far_s                  longest time above 5 m, s                      nees       mean of position, 3 is right
 ..._smooth             the same of the best estimate                  nees_off   outside its 95 % band by
 over_told              RMS over that of the same estimator without the labelled rows, newest and smoothed
+sure5                  beyond 5 sigma and not ambiguous, %            refused    of all values, %
 found                  outliers above 6 sigma refused, %              false      good values refused in 10,000
 ins_refused            INS values refused, %                          resets     begun again
 over_ekf               RMS over that of a nine-state EKF on the ground instruments told the labels

@@ -4,9 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bench.trials import scene
+from bench.trials import flights, scene
 from bench.trials.flights import Flight
-from bench.trials.world import ROW, Sensor, Truth, scenario, simulate
+from bench.trials.world import Sensor, Truth, scenario, simulate
 
 STEP_S = 0.1
 TURNS_DEGPS = (-3.0, -1.5, 0.0, 0.0, 0.0, 1.5, 3.0)  # rate-one turns, half of it, and straight more often
@@ -31,8 +31,7 @@ def radar(scan: Scan, estimate: tuple[str, ...] = ()) -> Sensor:
 
 def flight(name: str, truth: Truth) -> Flight:
     """A truth without an INS."""
-    none = np.zeros(0, ROW)
-    return Flight(name, simulate.T0_NS, truth, None, none, none["t_ns"], none["value"])
+    return flights.without_ins(name, simulate.T0_NS, truth)
 
 
 def straight(distance_m: float, speed_mps: float, before_s: float, seconds: float, rng) -> Truth:

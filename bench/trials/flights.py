@@ -164,6 +164,19 @@ def refined(coarse: np.ndarray, fine: np.ndarray) -> np.ndarray:
     return fine + basis @ np.linalg.lstsq(basis, coarse - fine, rcond=None)[0]
 
 
+def without_ins(name: str, t0_ns: int, truth: Truth) -> Flight:
+    """A flight that nobody reports from on board."""
+    none = np.zeros(0, world.ROW)
+    return Flight(name, t0_ns, truth, None, none, none["t_ns"], none["value"])
+
+
+def from_places(name: str, t_s: np.ndarray, p: np.ndarray, steady_s: float) -> Flight:
+    """`without_ins`, of which only positions ``p`` (n, 3) at UTC ``t_s`` are known; see `slope`."""
+    since_s = t_s - t_s[0]
+    v = slope(since_s, p, steady_s)
+    return without_ins(name, round(t_s[0] * 1e9), Truth(since_s, p, v, slope(since_s, v, steady_s)))
+
+
 def slope(t_s: np.ndarray, v: np.ndarray, within_s: float = SMOOTH_S) -> np.ndarray:
     """(n, 3) derivative of ``v``: a line through the neighbours ``within_s``, at least one either side."""
     half = max(1, round(within_s / np.median(np.diff(t_s))))

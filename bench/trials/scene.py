@@ -137,6 +137,14 @@ def stream(seed: int, name: str) -> np.random.Generator:
     return np.random.default_rng([seed, zlib.crc32(name.encode())])
 
 
+def recorded(flight: Flight, sensors: Sequence[Sensor], parts: Sequence[np.ndarray]) -> Scene:
+    """What real instruments said, ``parts`` of ROW: nobody knows which of it is wrong, nor when it came."""
+    rows = np.concatenate(parts)
+    rows = rows[np.argsort(rows["t_ns"], kind="stable")]
+    rows["id"], n = np.arange(len(rows)), len(rows)
+    return Scene(flight, list(sensors), rows, np.zeros(n, np.int8), np.zeros(n), rows["t_ns"].copy())
+
+
 def assemble(flight: Flight, sensors, seen: dict[int, simulate.Observation], seed: int) -> Scene:
     """All rows in order of time: ``seen`` by place in ``sensors``, and the flight's INS rows in its own."""
     rng, parts = np.random.default_rng([seed, 1]), []

@@ -97,7 +97,7 @@ def honesty(judged, t_ns: np.ndarray) -> dict[str, float]:
     if not known.any():
         return {}
     off, P, axes = off[known], P[known], off.shape[1]
-    beyond = np.max(np.abs(off) / np.sqrt(np.einsum("kii->ki", P)), axis=1)
+    beyond = _in_sigmas(off, P)
     nees = np.einsum("ki,ki->k", off, np.linalg.solve(P, off[..., None])[..., 0])
     n = len(np.unique(t_ns[known] // 1_000_000_000))
     mean, half = float(np.mean(nees)), 1.96 * np.sqrt(2.0 * axes / n)
@@ -109,8 +109,15 @@ def honesty(judged, t_ns: np.ndarray) -> dict[str, float]:
     }
 
 
+def _in_sigmas(off: np.ndarray, P: np.ndarray) -> np.ndarray:
+    """(k,) largest error (k, a) of any axis in its own sigmas, by covariances (k, a, a)."""
+    return np.max(np.abs(off) / np.sqrt(np.einsum("kii->ki", P)), axis=1)
+
+
 def protection(track: np.ndarray, error_m, off, P, k) -> dict[str, float]:
     """Where the track tells them: doubt, and protection levels and how often the error is beyond them.
+
+    ``sure5``: beyond 5 sigma and not called ambiguous.
 
     ``misleading``: beyond a level and not called ambiguous. A level that is infinite protects from all.
     """
@@ -120,6 +127,8 @@ def protection(track: np.ndarray, error_m, off, P, k) -> dict[str, float]:
     if "ambiguous" in track.dtype.names:
         doubt = track["ambiguous"][k] > 0
         out["ambiguous"] = float(doubt.mean())
+    if len(k):
+        out["sure5"] = float(np.mean((_in_sigmas(off, P[fresh]) > 5.0) & ~doubt))
     if "protection_h_m" not in track.dtype.names or np.isnan(track["protection_h_m"][k]).all():
         return out
     flat_m, up_m = np.hypot(off[:, 0], off[:, 1]), np.abs(off[:, 2:]).sum(axis=1)
@@ -132,13 +141,15 @@ def protection(track: np.ndarray, error_m, off, P, k) -> dict[str, float]:
 
 
 def caught(scene: Scene, run: Run) -> dict[str, float]:
-    """Share of clear outliers refused; false alarms per 10,000 good instrument values; INS values refused."""
+    """Share refused of all values, of clear outliers, of the INS's; false alarms in 10,000 of the others'."""
     refused = np.zeros(len(scene.rows), bool)
     refused[run.verdicts["id"]] = np.isin(run.verdicts["verdict"], (ISOLATED, PATCH))
     ours = np.array([s.kind == "ins" for s in scene.sensors])[scene.rows["sensor"]]
     good = (scene.labels == simulate.NONE) & ~ours
     clear = (scene.labels != simulate.NONE) & ~ours & (scene.off_sigma >= CLEAR_SIGMA)
-    out = {"false": 1e4 * float(refused[good].mean())} if good.any() else {}
+    out = {"refused": float(refused.mean())}
+    if good.any():
+        out["false"] = 1e4 * float(refused[good].mean())
     if clear.any():
         out["found"] = float(refused[clear].mean())
     if ours.any():

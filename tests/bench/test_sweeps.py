@@ -5,7 +5,7 @@ import struct
 import numpy as np
 import pytest
 
-from bench.trials import sweeps
+from bench.trials.real import sweeps
 from bench.trials.world import AZIMUTH, ELEVATION
 
 CONFIG = """

@@ -15,7 +15,7 @@ import numpy as np
 
 from bench.trials import flights, scene
 from bench.trials.flights import Flight
-from bench.trials.world import AZIMUTH, ELEVATION, RANGE, ROW, Sensor, Truth
+from bench.trials.world import AZIMUTH, ELEVATION, RANGE, ROW, Sensor
 
 SCENARIOS, BOATS = (3, 4, 5), (1, 2)
 NEAR_M = 30.0
@@ -50,10 +50,7 @@ def load(
         far_m = float(np.median(seen[:, 1]))
         sensors.append(_sensor(name, centre, HEIGHT_SIGMA_M / far_m, flat, estimate))
         parts.append(_rows(k, seen, flat))
-    rows = np.concatenate(parts)
-    rows = rows[np.argsort(rows["t_ns"], kind="stable")]
-    rows["id"], n = np.arange(len(rows)), len(rows)
-    return scene.Scene(flight, sensors, rows, np.zeros(n, np.int8), np.zeros(n), rows["t_ns"].copy())
+    return scene.recorded(flight, sensors, parts)
 
 
 def _read(data: Path, scenario: int, what: str) -> list:
@@ -68,12 +65,8 @@ def _boat(name: str, truth: list, boat: int) -> Flight:
     places = {fix["time"]: fix["position"] for both in truth for fix in both if fix["targetID"] == boat}
     t_s = np.array(sorted(places))
     north, east = np.array([places[t][:2] for t in t_s]).T
-    t0_ns, p = round(t_s[0] * 1e9), np.column_stack([east, north, np.full(len(t_s), HEIGHT_M)])
-    since_s = t_s - t_s[0]
-    v = flights.slope(since_s, p, STEADY_S)
-    none = np.zeros(0, ROW)
-    truth = Truth(since_s, p, v, flights.slope(since_s, v, STEADY_S))
-    return Flight(name, t0_ns, truth, None, none, none["t_ns"], none["value"])
+    p = np.column_stack([east, north, np.full(len(t_s), HEIGHT_M)])
+    return flights.from_places(name, t_s, p, STEADY_S)
 
 
 def _seen(said: list, number: int, flight: Flight, centre: np.ndarray) -> np.ndarray:

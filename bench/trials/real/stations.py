@@ -8,7 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from bench.trials import columns, peers, run, score, sweeps
+from bench.trials import columns, peers, run, score
+from bench.trials.real import sweeps
 
 COLUMNS = (
     "left", "rms", "p95", "worst", "beyond3", "beyond5", "sure5", "ambiguous", "nees", "rms_smooth",
@@ -48,10 +49,4 @@ def judged(seen: sweeps.Seen, ran: run.Run) -> dict:
     if not len(t_ns):
         return score.NONE_YET
     t_ns = t_ns[t_ns >= t_ns[0] + round(score.SETTLE_S * 1e9)]
-    _, off, P, k = score.errors(seen.scene.flight, ran.track, t_ns, True)
-    far = np.max(np.abs(off) / np.sqrt(np.einsum("kii->ki", P)), axis=1) > 5.0
-    refused = np.isin(ran.verdicts["verdict"], (2, 3))
-    return score.figures(seen.scene, ran, t_ns=t_ns) | {
-        "sure5": float(np.mean(far & ~ran.track["ambiguous"][k])),
-        "refused": float(refused.mean()) if len(refused) else np.nan,
-    }
+    return score.figures(seen.scene, ran, t_ns=t_ns)

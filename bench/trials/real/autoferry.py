@@ -5,7 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
-from bench.trials import columns, ferry, flights, peers, run, score
+from bench.trials import columns, flights, peers, run, score
+from bench.trials.real import ferry
 
 COLUMNS = (
     "rms", "median", "p95", "worst", "far_s", "beyond3", "nees", "rms_smooth", "worst_smooth",
@@ -49,8 +50,6 @@ def one(asked, data: Path, scenario: int, boat: int, settings: dict, told: dict 
     seen = ferry.load(*about, flat=told is not None, estimate=asked.estimate)
     ours = run.tried(seen, lambda s: run.make_estimator(asked.method, s, **(told or {}), **settings))
     figures = judged(seen, ours) | {"plots": float(len(np.unique(seen.rows["t_ns"])))}
-    refused = np.isin(ours.verdicts["verdict"], (2, 3))
-    figures["refused"] = float(refused.mean()) if len(refused) else np.nan
     tall = ferry.load(*about)
     cv = run.tried(tall, lambda s: peers.make("cv", s, CV_PSD))
     theirs = judged(tall, cv)

@@ -16,8 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from bench.trials import flights, scene
-from bench.trials.flights import Flight
-from bench.trials.world import AZIMUTH, ELEVATION, ROW, Sensor, Truth
+from bench.trials.world import AZIMUTH, ELEVATION, ROW, Sensor
 
 STATIONS = 2
 BURST_S = 2e-3  # the four receivers of a vehicle see one sweep within so long
@@ -25,6 +24,7 @@ SWEEPS_S = 0.08  # two sweeps of one kind at most so far apart make a straight l
 AGREE_M = 0.1  # of the vehicle's own two lines of sight, where it says where it is
 CLIP_M = 0.2  # a larger error between the frames counts as this
 SEARCH_MS = ((100, 20), (20, 5), (5, 1))  # (span, step) of the ends of the recording
+EVERY_S = 10.0  # a station is silent
 STEADY_S = 0.05  # half of the window for the velocity
 SEEN_S = 0.02  # motion capture saw it so shortly before and after
 
@@ -43,25 +43,23 @@ def runs(data: Path) -> list[str]:
     return [f"{file.parent.name}/{file.name[3:]}" for file in files if _truth_file(file).is_file()]
 
 
-def load(data: Path, run: str, sigma_rad: float, spell_s: float = 0.0, every_s: float = 10.0) -> Seen:
-    """One run; each station in turn is silent for ``spell_s`` ``every_s``, if that is not 0."""
+def load(data: Path, run: str, sigma_rad: float, spell_s: float = 0.0) -> Seen:
+    """One run; each station in turn is silent for ``spell_s`` in EVERY_S, if that is not 0."""
     folder, number = run.split("/")
     log = data / folder / f"log{number}"
     if not log.is_file():
         raise FileNotFoundError(f"{log}: no such file; is --data the folder with lh1_*?")
     events = decode(log.read_bytes())
     t_s, p, left_m = _aligned(events, np.load(_truth_file(log)))
-    flight = _flight(run, t_s, p)
+    flight = flights.from_places(run, t_s, p, STEADY_S)
     rows = _rows(events["lhAngle"])
     begin_ns, end_ns = flight.t0_ns, flight.t0_ns + round(flight.truth.t_s[-1] * 1e9)
     rows = rows[(rows["t_ns"] >= begin_ns) & (rows["t_ns"] < end_ns)]
     if spell_s:
-        turn, since_ns = np.divmod(rows["t_ns"] - begin_ns, round(every_s * 1e9))
+        turn, since_ns = np.divmod(rows["t_ns"] - begin_ns, round(EVERY_S * 1e9))
         rows = rows[(turn == 0) | (rows["sensor"] != turn % STATIONS) | (since_ns >= spell_s * 1e9)]
-    rows["id"], n = np.arange(len(rows)), len(rows)
     sensors = _sensors((data / folder / "system-config.yaml").read_text(), sigma_rad)
-    told = scene.Scene(flight, sensors, rows, np.zeros(n, np.int8), np.zeros(n), rows["t_ns"].copy())
-    return Seen(told, left_m, _judged(t_s, rows))
+    return Seen(scene.recorded(flight, sensors, [rows]), left_m, _judged(t_s, rows))
 
 
 def decode(data: bytes) -> dict[str, dict[str, np.ndarray]]:
@@ -104,7 +102,7 @@ def _truth_file(log: Path) -> Path:
 def _aligned(events: dict, capture: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
     """Times (k,) s of the vehicle's clock and positions (k, 3) of motion capture in the stations' frame."""
     there_s, there = (capture[:, 0] - capture[0, 0]) / 1e3, capture[:, 1:4]
-    begin_ms, end_ms = events["activeMarkerModeChanged"]["timestamp"][:2]
+    ends = tuple(events["activeMarkerModeChanged"]["timestamp"][:2])
     if "lhCrossingBeam" in events:
         own = events["lhCrossingBeam"]
         p, good = np.column_stack([own["x"], own["y"], own["z"]]), own["delta"] < AGREE_M
@@ -113,26 +111,21 @@ def _aligned(events: dict, capture: np.ndarray) -> tuple[np.ndarray, np.ndarray,
         p = np.column_stack([own[f"stateEstimate.{axis}"] for axis in "xyz"])
         good = np.ones(len(p), bool)
 
-    def fit(first_ms: float, last_ms: float) -> tuple[float, np.ndarray, np.ndarray]:
-        scale = there_s[-1] / (end_ms + last_ms - begin_ms - first_ms)
-        when_s = (own["timestamp"] - begin_ms - first_ms) * scale
+    def fit(begin_ms: float, end_ms: float) -> tuple[float, np.ndarray, np.ndarray]:
+        when_s = (own["timestamp"] - begin_ms) / (end_ms - begin_ms) * there_s[-1]
         q = np.column_stack([np.interp(when_s, there_s, axis) for axis in there.T])
         use = good & (when_s > 0.0) & (when_s < there_s[-1]) & np.isfinite(q).all(axis=1)
         turn, shift = _rigid(q[use], p[use])
-        return (
-            float(np.minimum(np.linalg.norm(q[use] @ turn.T + shift - p[use], axis=1), CLIP_M).mean()),
-            turn,
-            shift,
-        )
+        apart_m = np.linalg.norm(q[use] @ turn.T + shift - p[use], axis=1)
+        return np.minimum(apart_m, CLIP_M).mean(), turn, shift
 
-    ends = (0, 0)
     for span, step in SEARCH_MS:
-        near = [range(end - span, end + span + 1, step) for end in ends]
+        near = [np.arange(end - span, end + span + 1, step) for end in ends]
         ends = min(itertools.product(*near), key=lambda both: fit(*both)[0])
-    left_m, turn, shift = fit(*ends)
-    scale = there_s[-1] / (end_ms + ends[1] - begin_ms - ends[0])
+    (begin_ms, end_ms), (left_m, turn, shift) = ends, fit(*ends)
     seen = np.isfinite(there).all(axis=1)
-    return (there_s[seen] / scale + begin_ms + ends[0]) / 1e3, there[seen] @ turn.T + shift, left_m
+    t_s = (begin_ms + there_s[seen] / there_s[-1] * (end_ms - begin_ms)) / 1e3
+    return t_s, there[seen] @ turn.T + shift, float(left_m)
 
 
 def _rigid(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -140,13 +133,6 @@ def _rigid(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     u, _, vt = np.linalg.svd((a - a.mean(axis=0)).T @ (b - b.mean(axis=0)))
     turn = (vt.T * [1.0, 1.0, np.linalg.det(vt.T @ u.T)]) @ u.T
     return turn, b.mean(axis=0) - turn @ a.mean(axis=0)
-
-
-def _flight(name: str, t_s: np.ndarray, p: np.ndarray) -> Flight:
-    none, since_s = np.zeros(0, ROW), t_s - t_s[0]
-    v = flights.slope(since_s, p, STEADY_S)
-    truth = Truth(since_s, p, v, flights.slope(since_s, v, STEADY_S))
-    return Flight(name, round(t_s[0] * 1e9), truth, None, none, none["t_ns"], none["value"])
 
 
 def _rows(said: dict[str, np.ndarray]) -> np.ndarray:

@@ -1,0 +1,1 @@
+"""Trials on what real instruments recorded."""
