@@ -41,9 +41,9 @@ def is_wide(channel, y, C, place, i, offset, s):
     wildly is as likely, so from a distance that is not known well the two lead each other anywhere.
     """
     a, b, c = y[0] - offset[s, 0], y[1] - offset[s, 1], y[2] - offset[s, 2]
-    near, deep = a * a + b * b + c * c, DEEP if channel == RANGE else WIDE
-    if place[i, 0] == place[i, 0]:
-        deep = DEEP
+    near, placed = a * a + b * b + c * c, place[i, 0] == place[i, 0]
+    deep = DEEP if placed or channel == RANGE else WIDE
+    if placed:
         a, b, c = place[i, 0] - offset[s, 0], place[i, 1] - offset[s, 1], place[i, 2] - offset[s, 2]
         near = min(near, a * a + b * b + c * c)
     scale = 1.0 / max(a * a + b * b + c * c, 1e-9)
